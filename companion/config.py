@@ -1,0 +1,312 @@
+"""Configuration: TOML -> frozen, validated sections.
+
+One Struct a section; a key that is not listed here is refused with file, key, value and what is allowed. Every physical
+key carries its unit. Angles are degrees here and nowhere else (`_deg`). `load` overlays files on the defaults, so that a
+user's file holds only what differs.
+"""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import msgspec
+from msgspec import Meta, Struct
+
+Positive = Annotated[float, Meta(gt=0.0)]
+NonNegative = Annotated[float, Meta(ge=0.0)]
+Fraction = Annotated[float, Meta(ge=0.0, le=1.0)]
+SystemId = Annotated[int, Meta(ge=1, le=255)]
+
+
+class ConfigError(ValueError):
+    """The configuration cannot be used. The text names the file, the key, the value and what is allowed."""
+
+
+class _Section(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Base of all sections: immutable, and an unknown key is an error."""
+
+
+class Link(_Section, frozen=True):
+    """How to reach the autopilot."""
+
+    url: str = "udpin://0.0.0.0:14540"
+    system_id: SystemId = 1
+    component_id: SystemId = 191
+    target_system: SystemId = 1
+    target_component: SystemId = 1
+    beacon_system: SystemId = 2
+    state_rate_hz: Positive = 50.0
+    status_rate_hz: Positive = 10.0
+    command_timeout_s: Positive = 0.5
+    command_attempts: Annotated[int, Meta(ge=1, le=20)] = 5
+    lost_after_s: Positive = 2.0
+    signing_key_file: str | None = None
+
+
+class Camera(_Section, frozen=True):
+    """One camera: where frames come from, its lens, and how it is mounted.
+
+    `mount_deg` is roll, pitch, yaw of the camera's *optical axis frame* against a camera that looks straight down with the
+    top of its image towards the nose; pitch 90 looks forward.
+    """
+
+    source: str = "http://127.0.0.1:8554/down"
+    model: Literal["pinhole", "kannala_brandt", "scaramuzza"] = "pinhole"
+    width_px: Annotated[int, Meta(ge=16)] = 752
+    height_px: Annotated[int, Meta(ge=16)] = 480
+    fx_px: Positive = 420.0
+    fy_px: Positive = 420.0
+    cx_px: float = 375.5
+    cy_px: float = 239.5
+    distortion: tuple[float, ...] = ()
+    calibration_file: str | None = None
+    position_frd_m: tuple[float, float, float] = (0.0, 0.0, 0.05)
+    mount_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    clock: Literal["autopilot", "monotonic", "arrival"] = "autopilot"
+    delay_s: NonNegative = 0.0
+    timeout_s: Positive = 0.5
+
+
+class Marker(_Section, frozen=True):
+    """One marker on the pad. Position is its centre in P (x along travel, y right), yaw about z down; at yaw 0 the top edge
+    of its image points along +x."""
+
+    id: Annotated[int, Meta(ge=0)]
+    size_m: Positive
+    position_m: tuple[float, float] = (0.0, 0.0)
+    yaw_deg: float = 0.0
+
+
+class Pad(_Section, frozen=True):
+    """What is painted on the pad, and how large the deck is."""
+
+    family: str = "DICT_4X4_50"
+    markers: tuple[Marker, ...] = (Marker(id=45, size_m=1.2), Marker(id=7, size_m=0.24))
+    length_m: Positive = 1.5
+    width_m: Positive = 1.5
+    deck_height_m: NonNegative = 0.5
+
+
+class Vision(_Section, frozen=True):
+    """Finding the pad in a frame."""
+
+    detector: str = "aruco"
+    camera: str = "down"
+    refine: Literal["edges", "subpix", "none"] = "edges"
+    track: bool = True
+    pixel_sigma_px: Positive = 0.3
+    max_reprojection_error_px: Positive = 3.0
+
+
+class Estimation(_Section, frozen=True):
+    """Where the pad is and will be."""
+
+    estimator: str = "imm"
+    gate_probability: Annotated[float, Meta(gt=0.5, lt=1.0)] = 0.999
+    history_s: Positive = 1.5
+    pad_acceleration_sigma_m_s2: Positive = 1.0
+    pad_turn_sigma_rad_s2: Positive = 0.3
+    beacon_bias_sigma_m: Positive = 1.5
+    beacon_bias_time_s: Positive = 60.0
+    lost_after_s: Positive = 15.0
+
+
+class Planning(_Section, frozen=True):
+    """The reference relative to the predicted pad, and what the sum of reference and pad motion may ask of the vehicle."""
+
+    planner: str = "bspline"
+    degree: Annotated[int, Meta(ge=2, le=7)] = 3
+    replan_hz: Positive = 10.0
+    max_speed_m_s: Positive = 12.0
+    max_climb_m_s: Positive = 2.5
+    max_descent_m_s: Positive = 1.2
+    max_acceleration_m_s2: Positive = 4.0
+    max_jerk_m_s3: Positive = 20.0
+    relative_speed_m_s: Positive = 4.0
+
+
+class Control(_Section, frozen=True):
+    """Reference and estimate to velocity setpoint."""
+
+    controller: str = "velocity"
+    rate_hz: Positive = 50.0
+    position_gain_hz: Positive = 1.2
+    vertical_gain_hz: Positive = 1.2
+    integral_gain_hz2: NonNegative = 0.15
+    lead_s: NonNegative = 0.3
+    acceleration_feedforward: bool = True
+    acceleration_preview_s: NonNegative = 0.3
+    drag_per_s: NonNegative = 0.0
+    max_speed_m_s: Positive = 12.0
+    max_climb_m_s: Positive = 3.0
+    max_descent_m_s: Positive = 1.5
+    max_slew_m_s2: Positive = 8.0
+    yaw: str = "hold"
+    max_yaw_rate_deg_s: Positive = 60.0
+    setpoint_valid_s: Positive = 0.1
+
+
+class Mission(_Section, frozen=True):
+    """When to do what. Heights are above the pad unless a key says otherwise."""
+
+    takeoff_height_m: Positive = 6.0
+    search_height_m: Positive = 10.0
+    search_radius_m: Positive = 25.0
+    approach_height_m: Positive = 8.0
+    follow_height_m: Positive = 5.0
+    follow_radius_m: Positive = 0.5
+    follow_speed_m_s: Positive = 0.6
+    follow_time_s: NonNegative = 0.6
+    cone_radius_m: Positive = 0.25
+    cone_slope: NonNegative = 0.15
+    descent_speed_m_s: Positive = 1.0
+    final_descent_speed_m_s: Positive = 0.5
+    commit_height_m: Positive = 0.8
+    commit_miss_m: Positive = 0.35
+    commit_relative_speed_m_s: Positive = 0.6
+    commit_tilt_deg: Positive = 12.0
+    max_go_arounds: Annotated[int, Meta(ge=0)] = 4
+    vision_lost_descend_s: Positive = 1.0
+    vision_lost_follow_s: Positive = 4.0
+    pad_lost_s: Positive = 10.0
+    touchdown_time_s: Positive = 0.4
+    vehicle_leg_height_m: NonNegative = 0.15
+    disarm: Literal["auto", "force", "never"] = "auto"
+
+
+class Safety(_Section, frozen=True):
+    """Limits that end a landing attempt."""
+
+    ceiling_m: Positive = 60.0
+    geofence_radius_m: Positive = 500.0
+    min_battery: Fraction = 0.2
+    max_flight_time_s: Positive = 600.0
+    stall_hold_s: Positive = 0.3
+    stall_silence_s: Positive = 1.0
+
+
+class Config(_Section, frozen=True):
+    """All of it."""
+
+    link: Link = Link()
+    cameras: dict[str, Camera] = msgspec.field(default_factory=lambda: {"down": Camera()})
+    pad: Pad = Pad()
+    vision: Vision = Vision()
+    estimation: Estimation = Estimation()
+    planning: Planning = Planning()
+    control: Control = Control()
+    mission: Mission = Mission()
+    safety: Safety = Safety()
+
+
+def load(files: Sequence[Path] = (), overrides: Mapping[str, str] | None = None) -> Config:
+    """Defaults, then each file in order, then `section.key=value` overrides; ConfigError says what is wrong and where."""
+    merged: dict[str, Any] = {}
+    origin = "defaults"
+    for path in files:
+        origin = str(path)
+        merged = _overlay(merged, read_toml(path))
+        _convert(merged, origin)
+    for key, text in (overrides or {}).items():
+        origin = f"override {key}={text}"
+        merged = _overlay(merged, _nested(key, parse_value(text)))
+    return _convert(merged, origin)
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """The file as a dictionary; ConfigError where it cannot be read or is not TOML."""
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"{path}: is not UTF-8 text (byte {error.start})") from error
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"{path}: is not valid TOML: {error}") from error
+
+
+def parse_value(text: str) -> Any:
+    """A TOML value from the command line; bare words are strings."""
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text
+
+
+def _nested(dotted: str, value: Any) -> dict[str, Any]:
+    for key in reversed(dotted.split(".")):
+        value = {key: value}
+    return dict(value)
+
+
+def _overlay(base: Mapping[str, Any], top: Mapping[str, Any]) -> dict[str, Any]:
+    """Tables merge, everything else is replaced."""
+    result = dict(base)
+    for key, value in top.items():
+        below = result.get(key)
+        both_tables = isinstance(value, Mapping) and isinstance(below, Mapping)
+        result[key] = _overlay(below, value) if both_tables else value  # type: ignore[arg-type]
+    return result
+
+
+def _convert(data: Mapping[str, Any], origin: str) -> Config:
+    problems = [text for section, content in data.items() for text in _section_problems(section, content, origin)]
+    if problems:
+        raise ConfigError("\n".join(problems))
+    return msgspec.convert(data, Config)
+
+
+_SECTIONS: dict[str, Any] = {field.name: field.type for field in msgspec.structs.fields(Config)}
+
+
+def _section_problems(section: str, content: Any, origin: str) -> list[str]:
+    """Each section is checked alone, so that several mistakes show at once."""
+    if section not in _SECTIONS:
+        return [f"{origin}: [{section}] is not a section; {_allowed(section, _SECTIONS)}"]
+    unknown = _unknown_keys(section, content, origin)
+    if unknown:
+        return unknown
+    try:
+        msgspec.convert(content, _SECTIONS[section])
+    except msgspec.ValidationError as error:
+        return [_explain(section, content, str(error), origin)]
+    return []
+
+
+def _unknown_keys(section: str, content: Any, origin: str) -> list[str]:
+    tables = (
+        {f"cameras.{name}": value for name, value in content.items()} if section == "cameras" else {section: content}
+    )
+    struct = Camera if section == "cameras" else _SECTIONS[section]
+    known = [field.encode_name for field in msgspec.structs.fields(struct)]
+    return [
+        f"{origin}: [{name}] {key} = {value!r} is not a key; {_allowed(key, known)}"
+        for name, table in tables.items()
+        if isinstance(table, Mapping)
+        for key, value in table.items()
+        if key not in known
+    ]
+
+
+def _explain(section: str, content: Any, error: str, origin: str) -> str:
+    """msgspec says what is expected and where (`$.key[0]`); add the file and the value that stands there."""
+    expected, _, where = error.partition(" - at `$")
+    path = where.rstrip("`").lstrip(".")
+    value: Any = content
+    for part in path.replace("[", ".").replace("]", "").split("."):
+        if isinstance(value, Mapping) and part in value:
+            value = value[part]
+        elif isinstance(value, Sequence) and part.isdigit() and int(part) < len(value):
+            value = value[int(part)]
+    return f"{origin}: [{section}] {path} = {value!r}: {expected[:1].lower()}{expected[1:]}"
+
+
+def _allowed(name: str, known: Any) -> str:
+    names = sorted(known)
+    close = difflib.get_close_matches(name, names, n=1)
+    hint = f"did you mean {close[0]!r}? " if close else ""
+    return f"{hint}allowed: {', '.join(names)}"
