@@ -67,6 +67,7 @@ class Phase(StrEnum):
 
     IDLE = "idle"
     TAKEOFF = "takeoff"
+    ENGAGE = "engage"
     SEARCH = "search"
     APPROACH = "approach"
     FOLLOW = "follow"
@@ -209,7 +210,10 @@ class RangeMeasurement:
 
 @dataclass(frozen=True, slots=True)
 class VehicleStatus:
-    """What the autopilot is doing. Sent on every change and at least once a second."""
+    """What the autopilot is doing. Sent on every change and with every mode report.
+
+    `t_ns` is the instant of the latest mode report, so that its age says how old this knowledge is.
+    """
 
     t_ns: int
     connected: bool

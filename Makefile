@@ -1,0 +1,35 @@
+# Two commands matter: `make demo` and `make test`. Each sets up all it needs and is quick the second time.
+# Needed beforehand: Python >= 3.11 with pip and venv, and make. Nothing else.
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+ARGS ?=
+
+.PHONY: demo test lint setup clean
+
+demo: setup ## a simulated quadrotor finds a moving pad, lands on it and disarms
+	@$(BIN)/companion demo $(ARGS)
+
+test: setup ## the whole test suite
+	@echo "-- tests"
+	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q -n 2 --dist worksteal $(ARGS)
+
+lint: setup ## style and types
+	@echo "-- lint" && $(BIN)/ruff check . && $(BIN)/ruff format --check . && echo "-- types" && $(BIN)/mypy
+
+setup: $(STAMP)
+
+$(STAMP): pyproject.toml
+	@echo "-- virtual environment in $(VENV) (once)"
+	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	@echo "-- dependencies (once, about a minute)"
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[dev]'
+	@echo "-- compiling (once)"
+	@PYTHONDONTWRITEBYTECODE= $(BIN)/python -m compileall -q $(VENV)/lib companion sitl_stub >/dev/null 2>&1 || true
+	@touch $(STAMP)
+
+
+clean:
+	rm -rf $(VENV) runs .pytest_cache .mypy_cache .ruff_cache

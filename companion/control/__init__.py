@@ -1,0 +1,24 @@
+"""Control: a reference relative to the pad, and where vehicle and pad are, to one velocity setpoint.
+
+One law a file. A law is chosen by `control.controller`, the yaw law by `control.yaw`. Everything is in W (NED), SI.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from companion.config import Control
+from companion.control.law import ControlInput, Controller, ControlOutput, Reference, YawInput
+from companion.control.velocity import VelocityLaw
+from companion.control.yaw import hold_yaw, yaw_to_pad, yaw_to_travel
+
+__all__ = ["CONTROLLERS", "YAW_LAWS", "ControlInput", "ControlOutput", "Controller", "Reference", "YawInput"]
+
+CONTROLLERS: dict[str, Callable[[Control], Controller]] = {"velocity": VelocityLaw}
+
+YAW_LAWS: dict[str, Callable[[YawInput], float]] = {
+    "hold": hold_yaw,
+    "pad": yaw_to_pad,
+    "travel": yaw_to_travel,
+}
+"""Each gives the yaw error in rad that the proportional yaw-rate loop takes to zero."""

@@ -1,0 +1,58 @@
+"""The default law: feed the pad's motion forward, correct the relative position, damp the relative velocity.
+
+    v = v_pad(t + lead) + v_ref(t + lead) + k (p_ref - p) + d (v_ref - v) + i integral(p_ref - p)
+    a = a_pad(t + lead) + a_ref(t + lead)
+
+PX4's velocity loop answers `v` with a proportional gain of 1.8 1/s behind an attitude loop of about 0.2 s, and adds `a`
+to its own demand. Sending `a` in the same message is what lets it follow a curve: without it the vehicle lags a pad that
+accelerates by a_pad / 1.8 s^-1. Only relative velocity is damped; damping absolute velocity would make the vehicle lag
+in proportion to the pad's speed.
+"""
+
+from __future__ import annotations
+
+from companion.config import Control
+from companion.control.law import ControlInput, ControlOutput
+from companion.geometry import ZERO, add, horizontal_norm, scale, subtract
+from companion.messages import Vec3
+
+INTEGRATE_WITHIN_M = 1.0
+"""Beyond this error the integral would only learn the approach, not the wind."""
+
+
+class VelocityLaw:
+    """`controller = "velocity"`."""
+
+    def __init__(self, config: Control) -> None:
+        self._config = config
+        self._integral_m_s: Vec3 = ZERO
+
+    def reset(self) -> None:
+        self._integral_m_s = ZERO
+
+    def update(self, control: ControlInput) -> ControlOutput:
+        forward = add(control.pad_velocity_ahead_m_s, control.reference_ahead.velocity_m_s)
+        acceleration = add(control.pad_acceleration_ahead_m_s2, control.reference_ahead.acceleration_m_s2)
+        if not control.feedback:
+            return ControlOutput(forward, acceleration)
+        error = subtract(control.reference.position_m, control.relative_position_m)
+        error_rate = subtract(control.reference.velocity_m_s, control.relative_velocity_m_s)
+        self._integrate(error, control.dt_s)
+        c = self._config
+        velocity = (
+            forward[0] + c.position_gain_hz * error[0] + c.damping * error_rate[0] + self._integral_m_s[0],
+            forward[1] + c.position_gain_hz * error[1] + c.damping * error_rate[1] + self._integral_m_s[1],
+            forward[2] + c.vertical_gain_hz * error[2] + self._integral_m_s[2],
+        )
+        return ControlOutput(velocity, acceleration)
+
+    def _integrate(self, error_m: Vec3, dt_s: float) -> None:
+        if horizontal_norm(error_m) > INTEGRATE_WITHIN_M:
+            return
+        limit = self._config.max_integral_m_s
+        grown = add(self._integral_m_s, scale(error_m, self._config.integral_gain_hz2 * dt_s))
+        self._integral_m_s = (_clip(grown[0], limit), _clip(grown[1], limit), _clip(grown[2], limit))
+
+
+def _clip(value: float, limit: float) -> float:
+    return max(-limit, min(limit, value))

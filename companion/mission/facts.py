@@ -1,0 +1,44 @@
+"""What the mission may look at: one frozen snapshot a tick, all relative to the pad where the pad is near."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from companion.geometry import horizontal_norm
+from companion.messages import OperatorAction, PadEstimate, Vec3, VehicleStatus
+from companion.mission.touchdown import TouchdownEvidence
+
+
+@dataclass(frozen=True, slots=True)
+class Facts:
+    """`relative_*` is vehicle minus pad in W axes; ages are None where there was never anything."""
+
+    t_ns: int
+    status: VehicleStatus | None
+    mode_age_s: float | None
+    state_age_s: float | None
+    distance_from_start_m: float
+    height_above_start_m: float
+    tilt_rad: float
+    pad: PadEstimate | None
+    relative_position_m: Vec3 | None
+    relative_velocity_m_s: Vec3 | None
+    touchdown: TouchdownEvidence
+    no_plan_reason: str | None
+    operator: OperatorAction | None
+    refused: str | None
+
+    @property
+    def miss_m(self) -> float | None:
+        """Horizontal distance from the pad's landing point."""
+        return None if self.relative_position_m is None else horizontal_norm(self.relative_position_m)
+
+    @property
+    def relative_speed_m_s(self) -> float | None:
+        """Horizontal speed against the pad."""
+        return None if self.relative_velocity_m_s is None else horizontal_norm(self.relative_velocity_m_s)
+
+    @property
+    def height_above_pad_m(self) -> float | None:
+        """Of the vehicle's reference point, positive up."""
+        return None if self.relative_position_m is None else -self.relative_position_m[2]

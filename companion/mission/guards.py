@@ -1,0 +1,269 @@
+"""One named pure predicate per event of the mission: the reason as text where it holds, else None."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from companion.config import Mission, Safety
+from companion.messages import AutopilotMode, LandedState, OperatorAction, Phase
+from companion.mission.facts import Facts
+from companion.mission.phases import OFFBOARD_PHASES, Event
+
+
+@dataclass(frozen=True, slots=True)
+class Context:
+    """What the machine remembers between ticks, as far as guards may see it."""
+
+    phase: Phase
+    phase_age_s: float
+    flight_age_s: float
+    above_pad_for_s: float
+    go_arounds: int
+    stable_sight_for_s: float
+    mission: Mission
+    safety: Safety
+
+
+Guard = Callable[[Facts, Context], str | None]
+
+
+def disarmed(facts: Facts, context: Context) -> str | None:
+    if facts.status is None or facts.status.armed:
+        return None
+    if context.phase is Phase.TOUCHDOWN:
+        return "motors are off on the pad"
+    return "the vehicle is disarmed"
+
+
+def _left_offboard(facts: Facts, context: Context) -> bool:
+    flown = context.phase in OFFBOARD_PHASES and context.phase is not Phase.ENGAGE
+    return flown and facts.status is not None and facts.status.mode is not AutopilotMode.OFFBOARD
+
+
+def pilot_took_over(facts: Facts, context: Context) -> str | None:
+    if facts.status is None or not _left_offboard(facts, context) or facts.status.failsafe:
+        return None
+    return f"mode {facts.status.mode}, not asked for by Companion"
+
+
+def autopilot_failsafe(facts: Facts, context: Context) -> str | None:
+    if facts.status is None or not _left_offboard(facts, context) or not facts.status.failsafe:
+        return None
+    return f"the autopilot's failsafe took over in mode {facts.status.mode}"
+
+
+def link_lost(facts: Facts, context: Context) -> str | None:
+    if facts.status is not None and not facts.status.connected:
+        return f"no heartbeat for {facts.status.link_age_s:.1f} s"
+    return None
+
+
+def _operator(action: OperatorAction) -> Guard:
+    def guard(facts: Facts, context: Context) -> str | None:
+        return f"operator: {action}" if facts.operator is action else None
+
+    return guard
+
+
+def start_in_air(facts: Facts, context: Context) -> str | None:
+    status = facts.status
+    if facts.operator is not OperatorAction.START or status is None or not status.connected:
+        return None
+    flying = status.armed and status.landed_state is not LandedState.ON_GROUND
+    return "operator: start, vehicle is flying" if flying else None
+
+
+def start_on_ground(facts: Facts, context: Context) -> str | None:
+    status = facts.status
+    if facts.operator is not OperatorAction.START or status is None or not status.connected:
+        return None
+    flying = status.armed and status.landed_state is not LandedState.ON_GROUND
+    return None if flying else "operator: start, vehicle is on the ground"
+
+
+def outside_fence(facts: Facts, context: Context) -> str | None:
+    if facts.distance_from_start_m > context.safety.geofence_radius_m:
+        return f"{facts.distance_from_start_m:.0f} m from the start, fence {context.safety.geofence_radius_m:.0f} m"
+    if facts.height_above_start_m > context.safety.ceiling_m:
+        return f"{facts.height_above_start_m:.0f} m above the start, ceiling {context.safety.ceiling_m:.0f} m"
+    return None
+
+
+def battery_low(facts: Facts, context: Context) -> str | None:
+    battery = None if facts.status is None else facts.status.battery_fraction
+    if battery is None or battery >= context.safety.min_battery:
+        return None
+    return f"battery {battery:.0%}, reserve {context.safety.min_battery:.0%}"
+
+
+def flight_too_long(facts: Facts, context: Context) -> str | None:
+    if context.flight_age_s < context.safety.max_flight_time_s:
+        return None
+    return f"{context.flight_age_s:.0f} s since the start"
+
+
+def request_refused(facts: Facts, context: Context) -> str | None:
+    return facts.refused
+
+
+def airborne(facts: Facts, context: Context) -> str | None:
+    status = facts.status
+    if status is None or not status.armed or status.mode is not AutopilotMode.HOLD or context.phase_age_s < 1.0:
+        return None
+    in_air = status.landed_state is LandedState.IN_AIR and facts.height_above_start_m > 1.0
+    return f"{facts.height_above_start_m:.1f} m above the start" if in_air else None
+
+
+def offboard_granted(facts: Facts, context: Context) -> str | None:
+    granted = facts.status is not None and facts.status.mode is AutopilotMode.OFFBOARD
+    return "the autopilot flies our setpoints" if granted else None
+
+
+def touchdown_suspected(facts: Facts, context: Context) -> str | None:
+    return "the vehicle no longer sinks at the deck's height" if facts.touchdown.suspected else None
+
+
+def touchdown_lost(facts: Facts, context: Context) -> str | None:
+    return "the vehicle is clear of the deck again" if facts.touchdown.airborne else None
+
+
+def too_many_go_arounds(facts: Facts, context: Context) -> str | None:
+    if context.go_arounds <= context.mission.max_go_arounds:
+        return None
+    return f"{context.go_arounds} go-arounds, at most {context.mission.max_go_arounds}"
+
+
+def commit_unsafe(facts: Facts, context: Context) -> str | None:
+    height, miss, speed = facts.height_above_pad_m, facts.miss_m, facts.relative_speed_m_s
+    if height is None or miss is None or speed is None:
+        return "the pad is not known any more"
+    mission = context.mission
+    if miss > 1.5 * mission.commit_miss_m:
+        return f"{miss:.2f} m off the pad's centre"
+    if speed > 2.0 * mission.commit_relative_speed_m_s:
+        return f"{speed:.2f} m/s against the pad"
+    if context.phase_age_s > mission.max_commit_s:
+        return f"no contact within {mission.max_commit_s:.0f} s"
+    age = _vision_age(facts)
+    if height > mission.blind_height_m and age > mission.vision_lost_descend_s:
+        return f"pad not seen for {age:.1f} s at {height:.1f} m"
+    return None
+
+
+def outside_cone(facts: Facts, context: Context) -> str | None:
+    height, miss = facts.height_above_pad_m, facts.miss_m
+    if height is None or miss is None:
+        return "the pad is not known any more"
+    allowed = 2.0 * (context.mission.cone_radius_m + context.mission.cone_slope * height) + 0.5
+    return f"{miss:.2f} m off at {height:.1f} m, {allowed:.2f} m allowed" if miss > allowed else None
+
+
+def no_plan(facts: Facts, context: Context) -> str | None:
+    return facts.no_plan_reason
+
+
+def ready_to_commit(facts: Facts, context: Context) -> str | None:
+    height, miss, speed = facts.height_above_pad_m, facts.miss_m, facts.relative_speed_m_s
+    mission = context.mission
+    if height is None or miss is None or speed is None or height > mission.commit_height_m:
+        return None
+    tilt_deg = math.degrees(facts.tilt_rad)
+    fits = (
+        miss <= mission.commit_miss_m
+        and speed <= mission.commit_relative_speed_m_s
+        and tilt_deg <= mission.commit_tilt_deg
+    )
+    return f"{miss:.2f} m off, {speed:.2f} m/s against the pad, tilt {tilt_deg:.0f} deg" if fits else None
+
+
+def above_pad(facts: Facts, context: Context) -> str | None:
+    if context.above_pad_for_s < context.mission.follow_time_s:
+        return None
+    return f"within {context.mission.follow_radius_m:.1f} m for {context.above_pad_for_s:.1f} s"
+
+
+def is_above_pad(facts: Facts, mission: Mission) -> bool:
+    """Close to the pad's vertical and moving with it, seen right now."""
+    miss, speed = facts.miss_m, facts.relative_speed_m_s
+    if miss is None or speed is None or _vision_age(facts) > 0.3:
+        return False
+    return miss <= mission.follow_radius_m and speed <= mission.follow_speed_m_s
+
+
+def climbed(facts: Facts, context: Context) -> str | None:
+    height = facts.height_above_pad_m
+    if height is None or height < context.mission.follow_height_m - 0.5:
+        return None
+    return f"{height:.1f} m above the pad"
+
+
+def is_in_sight(facts: Facts) -> bool:
+    """Seen within the last frames, and the estimate has settled on what was seen."""
+    return facts.pad is not None and _vision_age(facts) < 0.3 and facts.pad.position_sigma_m < 1.0
+
+
+def pad_in_sight(facts: Facts, context: Context) -> str | None:
+    if facts.pad is None or context.stable_sight_for_s < context.mission.sight_time_s:
+        return None
+    return f"seen for {context.stable_sight_for_s:.1f} s, sigma {facts.pad.position_sigma_m:.2f} m"
+
+
+def vision_lost(facts: Facts, context: Context) -> str | None:
+    limits = {Phase.DESCEND: context.mission.vision_lost_descend_s}
+    limit = limits.get(context.phase, context.mission.vision_lost_follow_s)
+    age = _vision_age(facts)
+    return f"pad not seen for {age:.1f} s" if age > limit else None
+
+
+def pad_lost(facts: Facts, context: Context) -> str | None:
+    if facts.pad is None:
+        return "no estimate of the pad"
+    ages = [age for age in (facts.pad.vision_age_s, facts.pad.beacon_age_s) if age is not None]
+    if ages and min(ages) <= context.mission.pad_lost_s:
+        return None
+    return f"nothing known of the pad for {min(ages, default=math.inf):.0f} s"
+
+
+def pad_known(facts: Facts, context: Context) -> str | None:
+    return None if pad_lost(facts, context) else "an estimate of the pad"
+
+
+def _vision_age(facts: Facts) -> float:
+    if facts.pad is None or facts.pad.vision_age_s is None:
+        return math.inf
+    return facts.pad.vision_age_s
+
+
+GUARDS: dict[Event, Guard] = {
+    Event.DISARMED: disarmed,
+    Event.PILOT_TOOK_OVER: pilot_took_over,
+    Event.AUTOPILOT_FAILSAFE: autopilot_failsafe,
+    Event.LINK_LOST: link_lost,
+    Event.OPERATOR_ABORT: _operator(OperatorAction.ABORT),
+    Event.OPERATOR_RETURN: _operator(OperatorAction.RETURN),
+    Event.OPERATOR_HOLD: _operator(OperatorAction.HOLD),
+    Event.OPERATOR_GO_AROUND: _operator(OperatorAction.GO_AROUND),
+    Event.START_IN_AIR: start_in_air,
+    Event.START_ON_GROUND: start_on_ground,
+    Event.OUTSIDE_FENCE: outside_fence,
+    Event.BATTERY_LOW: battery_low,
+    Event.FLIGHT_TOO_LONG: flight_too_long,
+    Event.REQUEST_REFUSED: request_refused,
+    Event.AIRBORNE: airborne,
+    Event.OFFBOARD_GRANTED: offboard_granted,
+    Event.TOUCHDOWN_SUSPECTED: touchdown_suspected,
+    Event.TOUCHDOWN_LOST: touchdown_lost,
+    Event.TOO_MANY_GO_AROUNDS: too_many_go_arounds,
+    Event.COMMIT_UNSAFE: commit_unsafe,
+    Event.OUTSIDE_CONE: outside_cone,
+    Event.NO_PLAN: no_plan,
+    Event.READY_TO_COMMIT: ready_to_commit,
+    Event.ABOVE_PAD: above_pad,
+    Event.CLIMBED: climbed,
+    Event.PAD_IN_SIGHT: pad_in_sight,
+    Event.VISION_LOST: vision_lost,
+    Event.PAD_LOST: pad_lost,
+    Event.PAD_KNOWN: pad_known,
+}

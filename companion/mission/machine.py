@@ -1,0 +1,152 @@
+"""One step of the mission: facts in; phase, requests to the autopilot and what to fly for out.
+
+The machine never fights: a request is repeated only while it is unanswered, and a mode that Companion did not ask for ends
+its part (IDLE) until a person says START again.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from companion.config import Mission, Safety
+from companion.messages import AutopilotMode, CommandKind, Phase, PhaseChanged, VehicleCommand
+from companion.mission.facts import Facts
+from companion.mission.guards import GUARDS, Context, is_above_pad, is_in_sight
+from companion.mission.phases import TABLE, Event
+
+STREAM_BEFORE_OFFBOARD_S = 0.2
+"""PX4 takes OFFBOARD after one setpoint; a few show that the stream is alive."""
+
+REQUEST_PERIOD_S = 1.5
+"""A request that the session has given up on is made again this often."""
+
+NEW_FLIGHT_PHASES = frozenset({Phase.TAKEOFF, Phase.ENGAGE})
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """What one tick of the mission decided."""
+
+    phase: Phase
+    changes: tuple[PhaseChanged, ...]
+    commands: tuple[VehicleCommand, ...]
+
+
+class Machine:
+    """State: the phase, when it began, counters and the last request."""
+
+    def __init__(self, mission: Mission, safety: Safety) -> None:
+        self._mission = mission
+        self._safety = safety
+        self.phase = Phase.IDLE
+        self.note = "waiting for start"
+        self.go_arounds = 0
+        self._since_ns: int | None = None
+        self._flight_since_ns: int | None = None
+        self._above_pad_for_s = 0.0
+        self._in_sight_for_s = 0.0
+        self._last_request: tuple[CommandKind, int] | None = None
+
+    def step(self, facts: Facts, *, dt_s: float) -> Step:
+        """Advance by one tick; at most one change of phase."""
+        self._count(facts, dt_s)
+        changes: tuple[PhaseChanged, ...] = ()
+        transition = self._transition(facts)
+        if transition is not None:
+            event, target, reason = transition
+            changes = (PhaseChanged(facts.t_ns, self.phase, target, f"{event}: {reason}"),)
+            self._enter(target, facts.t_ns, reason)
+        request = self._request(facts)
+        return Step(self.phase, changes, () if request is None else (request,))
+
+    def _count(self, facts: Facts, dt_s: float) -> None:
+        if self._since_ns is None:
+            self._since_ns = facts.t_ns
+        self._above_pad_for_s = self._above_pad_for_s + dt_s if is_above_pad(facts, self._mission) else 0.0
+        self._in_sight_for_s = self._in_sight_for_s + dt_s if is_in_sight(facts) else 0.0
+
+    def _context(self, t_ns: int) -> Context:
+        return Context(
+            phase=self.phase,
+            phase_age_s=self._age_s(t_ns),
+            flight_age_s=0.0 if self._flight_since_ns is None else (t_ns - self._flight_since_ns) / 1e9,
+            above_pad_for_s=self._above_pad_for_s,
+            go_arounds=self.go_arounds,
+            stable_sight_for_s=self._in_sight_for_s,
+            mission=self._mission,
+            safety=self._safety,
+        )
+
+    def _transition(self, facts: Facts) -> tuple[Event, Phase, str] | None:
+        answers = TABLE[self.phase]
+        context = self._context(facts.t_ns)
+        for event in Event:
+            if event in answers:
+                reason = GUARDS[event](facts, context)
+                if reason is not None:
+                    return event, answers[event], reason
+        return None
+
+    def _enter(self, phase: Phase, t_ns: int, reason: str) -> None:
+        if phase in NEW_FLIGHT_PHASES and self.phase not in NEW_FLIGHT_PHASES:
+            self._flight_since_ns = t_ns
+            self.go_arounds = 0
+        if phase is Phase.GO_AROUND:
+            self.go_arounds += 1
+        self.phase = phase
+        self.note = reason
+        self._since_ns = t_ns
+        self._above_pad_for_s = 0.0
+        self._last_request = None
+
+    def _age_s(self, t_ns: int) -> float:
+        return 0.0 if self._since_ns is None else (t_ns - self._since_ns) / 1e9
+
+    def _request(self, facts: Facts) -> VehicleCommand | None:
+        wanted = self._wanted_request(facts)
+        if wanted is None:
+            return None
+        if self._last_request is not None:
+            kind, asked_ns = self._last_request
+            if kind is wanted.kind and (facts.t_ns - asked_ns) / 1e9 < REQUEST_PERIOD_S:
+                return None
+        self._last_request = (wanted.kind, facts.t_ns)
+        return wanted
+
+    def _wanted_request(self, facts: Facts) -> VehicleCommand | None:
+        status, t_ns = facts.status, facts.t_ns
+        if status is None or not status.connected:
+            return None
+        if self.phase is Phase.TAKEOFF:
+            if not status.armed:
+                return VehicleCommand(t_ns, CommandKind.ARM, "take-off")
+            if status.mode is not AutopilotMode.TAKEOFF and facts.height_above_start_m < 1.0:
+                height_m = self._mission.takeoff_height_m
+                return VehicleCommand(t_ns, CommandKind.TAKEOFF, "take-off", height_m=height_m)
+        if self.phase is Phase.ENGAGE and self._age_s(t_ns) >= STREAM_BEFORE_OFFBOARD_S:
+            return VehicleCommand(t_ns, CommandKind.OFFBOARD, "setpoints are streaming")
+        if self.phase is Phase.HOLD and status.mode is not AutopilotMode.HOLD:
+            return VehicleCommand(t_ns, CommandKind.HOLD, self.note) if self._may_leave_offboard(facts) else None
+        if self.phase is Phase.RETURN and status.mode is not AutopilotMode.RETURN:
+            return VehicleCommand(t_ns, CommandKind.RETURN, self.note) if self._may_leave_offboard(facts) else None
+        if self.phase is Phase.TOUCHDOWN:
+            return self._disarm(facts)
+        return None
+
+    def _may_leave_offboard(self, facts: Facts) -> bool:
+        """Only a mode that Companion itself set (OFFBOARD, or the take-off it asked for) is exchanged for another."""
+        ours = (AutopilotMode.OFFBOARD, AutopilotMode.TAKEOFF, AutopilotMode.HOLD)
+        return facts.status is not None and facts.status.mode in ours
+
+    def _disarm(self, facts: Facts) -> VehicleCommand | None:
+        """Plain first; forced, with the evidence, where the autopilot refuses or cannot know that it has landed."""
+        evidence = facts.touchdown
+        if self._mission.disarm == "never" or evidence.proven_for_s < self._mission.touchdown_time_s:
+            return None
+        plain_refused = facts.refused is not None and self._last_request is not None
+        if self._mission.disarm == "auto" and not plain_refused and self._asked_last() is not CommandKind.FORCE_DISARM:
+            return VehicleCommand(facts.t_ns, CommandKind.DISARM, "standing on the pad", evidence.signs)
+        return VehicleCommand(facts.t_ns, CommandKind.FORCE_DISARM, "standing on the pad", evidence.signs)
+
+    def _asked_last(self) -> CommandKind | None:
+        return None if self._last_request is None else self._last_request[0]
