@@ -1,0 +1,72 @@
+"""The pad's markers as points in P, from the configuration.
+
+P lies in the pad's surface: x along travel, y right, z down; its origin is the landing point. Each marker contributes its
+four corners, clockwise from the top-left corner of its image as seen from above, the order in which OpenCV reports them.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from companion import config
+from companion.vision.camera_model import Array
+
+FAMILIES: dict[str, int] = {name: getattr(cv2.aruco, name) for name in dir(cv2.aruco) if name.startswith("DICT_")}
+"""Every predefined ArUco and AprilTag family by OpenCV's name."""
+
+
+@dataclass(frozen=True, eq=False)
+class PadLayout:
+    """`corners_P[id]` is (4, 3), metres. `family` is OpenCV's name; `cells` counts bits across, border excluded."""
+
+    family: str
+    cells: int
+    corners_P: dict[int, Array]
+    size_m: dict[int, float]
+
+    @property
+    def extent_P(self) -> Array:
+        """(4, 3) corners of the rectangle along the axes of P that holds all markers."""
+        points = np.concatenate(list(self.corners_P.values()))
+        (x0, y0, _), (x1, y1, _) = points.min(axis=0), points.max(axis=0)
+        return np.array([(x1, y0, 0.0), (x1, y1, 0.0), (x0, y1, 0.0), (x0, y0, 0.0)])
+
+
+def from_config(pad: config.Pad) -> PadLayout:
+    """ValueError where the family is unknown, an id is not in it, or an id appears twice."""
+    family = dictionary(pad.family)
+    count = len(family.bytesList)
+    ids = [marker.id for marker in pad.markers]
+    for marker_id in ids:
+        if marker_id >= count:
+            raise ValueError(f"[pad] marker id {marker_id} is not in {pad.family}, which has ids 0 to {count - 1}")
+    if len(set(ids)) < len(ids):
+        raise ValueError(f"[pad] markers: an id appears twice in {ids}; one id is one place")
+    if not ids:
+        raise ValueError("[pad] markers: at least one marker is needed")
+    return PadLayout(
+        family=pad.family,
+        cells=int(family.markerSize),
+        corners_P={marker.id: marker_corners(marker) for marker in pad.markers},
+        size_m={marker.id: marker.size_m for marker in pad.markers},
+    )
+
+
+def dictionary(family: str) -> cv2.aruco.Dictionary:
+    """OpenCV's table of codes of a family by name; ValueError names the known ones."""
+    if family not in FAMILIES:
+        raise ValueError(f"[pad] family {family!r} is unknown; known: {', '.join(sorted(FAMILIES))}")
+    return cv2.aruco.getPredefinedDictionary(FAMILIES[family])
+
+
+def marker_corners(marker: config.Marker) -> Array:
+    """(4, 3) corners in P, clockwise from the top-left of the marker's image; at yaw 0 its top edge points along +x."""
+    half = marker.size_m / 2.0
+    c, s = math.cos(math.radians(marker.yaw_deg)), math.sin(math.radians(marker.yaw_deg))
+    local = ((half, -half), (half, half), (-half, half), (-half, -half))
+    x0, y0 = marker.position_m
+    return np.array([(x0 + c * x - s * y, y0 + s * x + c * y, 0.0) for x, y in local])

@@ -1,0 +1,190 @@
+"""Corners of the pad in an image to its pose X_CP, with covariance and the second pose that would explain them.
+
+A planar target seen from afar has two poses with almost the same image (the tilt mirrored about the line of sight). IPPE
+gives both; each is polished by Gauss-Newton on pixels with the real lens, and what is known beforehand decides: a pad is
+nearly level, and it was predicted somewhere. The covariance is (J^T J)^-1 sigma^2 of the reprojection Jacobian.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from companion.geometry import dot, matrix_from_quaternion, quaternion_from_matrix
+from companion.messages import Mat3, Quaternion, Vec3
+from companion.vision.camera_model import Array, CameraModel
+from companion.vision.detector import DetectionHint
+
+LEVEL_SIGMA_RAD = math.radians(8.0)
+"""How level a pad is: a rover on a slope or a boat in waves, plus the error of the attitude at capture time."""
+TRACK_SIGMA_RAD = math.radians(15.0)
+"""How far the pad's predicted rotation may be off."""
+AMBIGUOUS_CHI2 = 13.8
+"""The second pose is kept while it is no less likely than this against the first (chi-square of two tilts at 99.9 %)."""
+_GAUSS_NEWTON_STEPS = 6
+
+
+@dataclass(frozen=True, slots=True)
+class PlanarPose:
+    """p_CP in metres, q_CP, their covariances (rotation about the axes of C), and what the fit left over."""
+
+    position_m: Vec3
+    q: Quaternion
+    position_covariance_m2: Mat3
+    rotation_covariance_rad2: Mat3
+    q_alternative: Quaternion | None
+    reprojection_error_px: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Fit:
+    R: Array
+    p: Array
+    squared_error_px2: float
+    information_px2: Array
+
+
+def planar_pose(
+    points_P: Array, pixels: Array, camera: CameraModel, *, hint: DetectionHint | None, sigma_px: float
+) -> PlanarPose | None:
+    """Pose from four or more coplanar points (N, 3) and their pixels (N, 2); None where the geometry has no solution."""
+    fits = [
+        fit for guess in _both_guesses(points_P, pixels, camera) if (fit := _polished(points_P, pixels, camera, *guess))
+    ]
+    if not fits:
+        return None
+    # Corners that fit worse than sigma promises carry more error than sigma: the covariance follows what was seen.
+    degrees_of_freedom = max(1, 2 * len(pixels) - 6)
+    variance = max(sigma_px**2, min(fit.squared_error_px2 for fit in fits) / degrees_of_freedom)
+    ranked = sorted(fits, key=lambda fit: _surprise(fit, hint, variance))
+    best = ranked[0]
+    covariance = _inverse(best.information_px2)
+    if covariance is None:
+        return None
+    second = ranked[1] if len(ranked) > 1 else None
+    return PlanarPose(
+        position_m=(float(best.p[0]), float(best.p[1]), float(best.p[2])),
+        q=_quaternion(best.R),
+        position_covariance_m2=_mat3(covariance[:3, :3] * variance),
+        rotation_covariance_rad2=_mat3(covariance[3:, 3:] * variance),
+        q_alternative=_quaternion(second.R) if second and _is_rival(best, second, hint, variance) else None,
+        reprojection_error_px=math.sqrt(best.squared_error_px2 / len(pixels)),
+    )
+
+
+def reprojected(points_P: Array, pose: PlanarPose, camera: CameraModel) -> Array:
+    """(N, 2) pixels where the pose puts the points."""
+    R = np.array(matrix_from_quaternion(pose.q))
+    return camera.project(points_P @ R.T + np.array(pose.position_m))
+
+
+def _both_guesses(points_P: Array, pixels: Array, camera: CameraModel) -> list[tuple[Array, Array]]:
+    """IPPE in a virtual pinhole that looks at the target, so that any lens and any direction will do."""
+    rays = camera.ray(pixels)
+    R_VC = _looking_at(rays.mean(axis=0))
+    rays_V = rays @ R_VC.T
+    if not np.isfinite(rays_V).all() or float(rays_V[:, 2].min()) < 0.05:
+        return []
+    plane = rays_V[:, :2] / rays_V[:, 2:]
+    try:
+        count, rotations, translations, _ = cv2.solvePnPGeneric(
+            points_P, plane[:, None, :], np.eye(3), None, flags=cv2.SOLVEPNP_IPPE
+        )
+    except cv2.error:  # collinear or coincident corners
+        return []
+    guesses = []
+    for k in range(int(count)):
+        R = cv2.Rodrigues(rotations[k])[0]
+        p = translations[k].reshape(3)
+        if np.isfinite(R).all() and np.isfinite(p).all():
+            guesses.append((R_VC.T @ R, R_VC.T @ p))
+    return guesses
+
+
+def _looking_at(direction: Array) -> Array:
+    """R_VC of a frame V whose z axis is `direction` (in C), turned the short way."""
+    z = direction / np.linalg.norm(direction)
+    axis = np.array([-z[1], z[0], 0.0])
+    s = float(np.linalg.norm(axis))
+    angle = math.atan2(s, float(z[2]))
+    vector = axis / s * angle if s > 1e-12 else np.array([angle, 0.0, 0.0])
+    return np.asarray(cv2.Rodrigues(vector)[0].T)
+
+
+def _polished(points_P: Array, pixels: Array, camera: CameraModel, R: Array, p: Array) -> _Fit | None:
+    """Gauss-Newton on the reprojection error; None where a point falls behind the lens or the normal matrix is singular."""
+    for _ in range(_GAUSS_NEWTON_STEPS):
+        turned = points_P @ R.T
+        residual, J = _linearised(turned, turned + p, pixels, camera)
+        if not np.isfinite(residual).all():
+            return None
+        information = J.T @ J
+        try:
+            step = np.linalg.solve(information, J.T @ residual)
+        except np.linalg.LinAlgError:
+            return None
+        p = p + step[:3]
+        R = cv2.Rodrigues(step[3:])[0] @ R
+        if float(np.abs(step).max()) < 1e-7:
+            break
+    error = pixels - camera.project(points_P @ R.T + p)
+    squared = float(np.sum(error * error))
+    return _Fit(R=R, p=p, squared_error_px2=squared, information_px2=information) if math.isfinite(squared) else None
+
+
+def _linearised(turned: Array, points_C: Array, pixels: Array, camera: CameraModel) -> tuple[Array, Array]:
+    """Residual (2N,) and its Jacobian (2N, 6) by position and by a small rotation about the axes of C."""
+    by_point = camera.jacobian(points_C)
+    x, y, z = turned[:, 0, None], turned[:, 1, None], turned[:, 2, None]
+    u, v, w = by_point[:, :, 0], by_point[:, :, 1], by_point[:, :, 2]
+    # d(theta x a) = theta x a: row . (theta x a) = theta . (a x row)
+    J = np.stack((u, v, w, y * w - z * v, z * u - x * w, x * v - y * u), axis=2)
+    return (pixels - camera.project(points_C)).reshape(-1), J.reshape(-1, 6)
+
+
+def _surprise(fit: _Fit, hint: DetectionHint | None, variance: float) -> float:
+    """Minus twice the log likelihood, up to a constant: pixels, level pad, predicted rotation."""
+    total = fit.squared_error_px2 / variance
+    if hint is None:
+        return total
+    if hint.down_camera is not None:
+        normal_C = (float(fit.R[0, 2]), float(fit.R[1, 2]), float(fit.R[2, 2]))
+        total += (_angle(dot(normal_C, hint.down_camera)) / LEVEL_SIGMA_RAD) ** 2
+    if hint.X_CP is not None:
+        predicted = np.array(matrix_from_quaternion(hint.X_CP.q))
+        total += (rotation_angle(predicted.T @ fit.R) / TRACK_SIGMA_RAD) ** 2
+    return total
+
+
+def _is_rival(best: _Fit, second: _Fit, hint: DetectionHint | None, variance: float) -> bool:
+    return _surprise(second, hint, variance) - _surprise(best, hint, variance) < AMBIGUOUS_CHI2
+
+
+def rotation_angle(R: Array) -> float:
+    """Angle of a rotation matrix, rad."""
+    return _angle((float(np.trace(R)) - 1.0) / 2.0)
+
+
+def _angle(cosine: float) -> float:
+    return math.acos(max(-1.0, min(1.0, cosine)))
+
+
+def _inverse(information: Array) -> Array | None:
+    try:
+        inverse = np.linalg.inv(information)
+    except np.linalg.LinAlgError:
+        return None
+    usable = np.isfinite(inverse).all() and float(np.diag(inverse).min()) > 0.0
+    return np.asarray(inverse, dtype=np.float64) if usable else None
+
+
+def _quaternion(R: Array) -> Quaternion:
+    return quaternion_from_matrix(_mat3(R))
+
+
+def _mat3(M: Array) -> Mat3:
+    a, b, c = ((float(row[0]), float(row[1]), float(row[2])) for row in M)
+    return (a, b, c)
