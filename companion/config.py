@@ -119,7 +119,8 @@ class Planning(_Section, frozen=True):
     """The reference relative to the predicted pad, and what the sum of reference and pad motion may ask of the vehicle."""
 
     planner: str = "bspline"
-    degree: Annotated[int, Meta(ge=2, le=7)] = 3
+    degree: Annotated[int, Meta(ge=3, le=7)] = 3
+    control_points: Annotated[int, Meta(ge=6, le=24)] = 10
     replan_hz: Positive = 10.0
     max_speed_m_s: Positive = 12.0
     max_climb_m_s: Positive = 2.5
@@ -127,6 +128,9 @@ class Planning(_Section, frozen=True):
     max_acceleration_m_s2: Positive = 4.0
     max_jerk_m_s3: Positive = 20.0
     relative_speed_m_s: Positive = 4.0
+    thrust_to_weight: Annotated[float, Meta(gt=1.0)] = 1.85
+    min_thrust_to_weight: Fraction = 0.3
+    max_body_rate_deg_s: Positive = 200.0
 
 
 class Control(_Section, frozen=True):
@@ -158,6 +162,9 @@ class Mission(_Section, frozen=True):
     takeoff_height_m: Positive = 6.0
     search_height_m: Positive = 10.0
     search_radius_m: Positive = 25.0
+    search_speed_m_s: Positive = 3.0
+    search_spacing_m: Positive = 8.0
+    search_pattern: str = "expanding_square"
     approach_height_m: Positive = 8.0
     follow_height_m: Positive = 5.0
     follow_radius_m: Positive = 0.5
@@ -167,6 +174,7 @@ class Mission(_Section, frozen=True):
     cone_slope: NonNegative = 0.15
     descent_speed_m_s: Positive = 1.0
     final_descent_speed_m_s: Positive = 0.5
+    press_speed_m_s: Positive = 0.8
     commit_height_m: Positive = 0.8
     commit_miss_m: Positive = 0.35
     commit_relative_speed_m_s: Positive = 0.6

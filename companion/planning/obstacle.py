@@ -1,0 +1,68 @@
+"""No-fly volumes and the one question asked of them: is a hull of control points clear of it?
+
+A volume stands still in W; relative to the moving pad it drifts with minus the pad's velocity. A B-spline minus a straight
+motion is again a B-spline (its control points minus the motion at the Greville times), so "the hull of these points is
+clear of a fixed volume at the origin" proves clearance for the time the points govern. Used by limits and planners.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from companion.messages import Vec3
+
+
+@dataclass(frozen=True, slots=True)
+class Cylinder:
+    """Vertical cylinder from the ground to `top_m` above the pad (None: to the sky). Centre relative to the pad."""
+
+    centre_m: tuple[float, float]
+    radius_m: float
+    top_m: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Sphere:
+    """Ball around a point relative to the pad."""
+
+    centre_m: Vec3
+    radius_m: float
+
+
+Obstacle = Cylinder | Sphere
+
+
+def centre_at(obstacle: Obstacle, pad_velocity_m_s: Vec3, t_s: float) -> Vec3:
+    """Where the volume's centre is relative to the pad, `t_s` after the plan's start (z 0 for a cylinder)."""
+    x, y, *rest = obstacle.centre_m
+    z = rest[0] - pad_velocity_m_s[2] * t_s if rest else 0.0
+    return (x - pad_velocity_m_s[0] * t_s, y - pad_velocity_m_s[1] * t_s, z)
+
+
+def hull_is_clear(obstacle: Obstacle, offsets_m: Sequence[Vec3], points_z_m: Sequence[float]) -> bool:
+    """True where the convex hull of points surely misses the volume.
+
+    `offsets_m` are the points minus the volume's centre, `points_z_m` their z relative to the pad. A False may be a
+    near miss: the test looks for a separating plane among a few directions.
+    """
+    if isinstance(obstacle, Cylinder):
+        if obstacle.top_m is not None and all(-z >= obstacle.top_m for z in points_z_m):
+            return True
+        offsets_m = [(x, y, 0.0) for x, y, _ in offsets_m]
+    radius = obstacle.radius_m
+    return any(all(_dot(n, d) >= radius for d in offsets_m) for n in _directions(offsets_m))
+
+
+def _directions(offsets: Sequence[Vec3]) -> list[Vec3]:
+    """Candidate normals: towards each point, towards the middle, and across the chords (horizontal)."""
+    middle = (sum(d[0] for d in offsets), sum(d[1] for d in offsets), sum(d[2] for d in offsets))
+    first, last = offsets[0], offsets[-1]
+    across = (last[1] - first[1], first[0] - last[0], 0.0)
+    candidates = [middle, across, (-across[0], -across[1], 0.0), *offsets]
+    return [(d[0] / r, d[1] / r, d[2] / r) for d in candidates if (r := math.sqrt(_dot(d, d))) > 1e-9]
+
+
+def _dot(a: Vec3, b: Vec3) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]

@@ -1,0 +1,141 @@
+"""What a planner is asked and what it answers.
+
+Everything is relative to the predicted pad: vehicle minus pad, in non-rotating NED axes (m, z down, so the height above
+the pad is -z). The pad's own motion comes along because the vehicle flies the sum of both, and limits hold for the sum.
+The pipeline makes a `PlanRequest`, a planner returns a `Plan` or a `NoPlan` that says why.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+from companion.geometry import ZERO, add, norm, scale
+from companion.messages import PlanMade, Vec3
+from companion.planning.limits import Limits, ProvenBounds
+from companion.planning.obstacle import Obstacle
+from companion.planning.trajectory import Trajectory
+
+
+@dataclass(frozen=True, slots=True)
+class DescentCone:
+    """Below `top_m` above the pad the vehicle stays within `radius_m + slope * height` of the pad's centre."""
+
+    radius_m: float
+    slope: float
+    top_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class FieldOfView:
+    """The pad stays within `half_angle_rad` of body down (a camera that looks down) while higher than `min_height_m`."""
+
+    half_angle_rad: float
+    min_height_m: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class PlanRequest:
+    """From where to where, over which pad, within which limits.
+
+    The pad's velocity is taken to stay between `pad_velocity_m_s` and that plus `pad_acceleration_m_s2 * pad_preview_s`,
+    its acceleration between zero and `pad_acceleration_m_s2`: limits are proven for all of that range. Obstacles stand in
+    W and are given relative to the pad at `t_ns`; seen from the pad they move with minus `pad_velocity_m_s`.
+    `approach_direction` (unit, horizontal) is the travel direction of the pad for planners that arrive along it.
+    """
+
+    t_ns: int
+    position_m: Vec3
+    velocity_m_s: Vec3
+    limits: Limits
+    acceleration_m_s2: Vec3 = ZERO
+    goal_position_m: Vec3 = ZERO
+    goal_velocity_m_s: Vec3 = ZERO
+    pad_velocity_m_s: Vec3 = ZERO
+    pad_acceleration_m_s2: Vec3 = ZERO
+    pad_preview_s: float = 0.5
+    min_duration_s: float = 0.4
+    max_duration_s: float = 30.0
+    cone: DescentCone | None = None
+    field_of_view: FieldOfView | None = None
+    obstacles: tuple[Obstacle, ...] = ()
+    waypoints_m: tuple[Vec3, ...] = ()
+    approach_direction: Vec3 | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """A trajectory from the request's state to its goal, with what is proven about it.
+
+    `proven` are upper bounds over the whole plan, not samples; `cost` is the integral of squared jerk, m2/s5.
+    """
+
+    method: str
+    trajectory: Trajectory
+    proven: ProvenBounds
+    cost: float
+    control_points_m: tuple[Vec3, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class NoPlan:
+    """Nothing to offer, and why, with the numbers of the nearest attempt."""
+
+    method: str
+    t_ns: int
+    reason: str
+
+
+class Planner(Protocol):
+    """One method. Deterministic: the same requests in the same order give the same plans."""
+
+    def plan(self, request: PlanRequest) -> Plan | NoPlan: ...
+
+
+def admitting_start(request: PlanRequest) -> PlanRequest:
+    """The same request with each limit raised to what the start state itself already takes, with a tenth to spare.
+
+    A planner refuses a start beyond the limits, because no plan could hold them. A vehicle that is replanned many times a
+    second is now and then a little beyond them and must get back inside, so the pipeline asks through this.
+    """
+    limits = request.limits
+    vx, vy, vz = request.velocity_m_s
+    ax, ay, az = request.acceleration_m_s2
+    px, py, pz = request.pad_velocity_m_s
+    carried = norm(request.acceleration_m_s2) ** 2 / (2.0 * limits.max_jerk_m_s3)
+    margin = 0.1 + carried
+    acceleration = 1.1 * max(norm((ax, ay, az)), norm(add((ax, ay, az), request.pad_acceleration_m_s2)))
+    preview = scale(request.pad_acceleration_m_s2, request.pad_preview_s)
+    later = (vx + px + preview[0], vy + py + preview[1])
+    return replace(
+        request,
+        limits=replace(
+            limits,
+            max_speed_m_s=max(
+                limits.max_speed_m_s, 1.1 * max(math.hypot(vx + px, vy + py), math.hypot(*later)) + margin
+            ),
+            max_climb_m_s=max(limits.max_climb_m_s, 1.1 * -(vz + pz + min(0.0, preview[2])) + margin),
+            max_descent_m_s=max(limits.max_descent_m_s, 1.1 * (vz + pz + max(0.0, preview[2])) + margin),
+            relative_speed_m_s=max(limits.relative_speed_m_s, 1.1 * math.hypot(vx, vy) + margin),
+            max_acceleration_m_s2=max(limits.max_acceleration_m_s2, acceleration),
+        ),
+    )
+
+
+def plan_made(result: Plan | NoPlan, t_ns: int) -> PlanMade:
+    """The message that tells everybody else."""
+    if isinstance(result, NoPlan):
+        return PlanMade(t_ns, result.method, False, result.reason, t_ns, t_ns)
+    return PlanMade(
+        t_ns=t_ns,
+        method=result.method,
+        found=True,
+        reason="",
+        start_ns=result.trajectory.start_ns,
+        end_ns=result.trajectory.end_ns,
+        control_points_m=result.control_points_m,
+        cost=result.cost,
+        max_speed_m_s=result.proven.speed_m_s,
+        max_acceleration_m_s2=result.proven.acceleration_m_s2,
+    )
