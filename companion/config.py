@@ -44,6 +44,7 @@ class Link(_Section, frozen=True):
     command_timeout_s: Positive = 0.5
     command_attempts: Annotated[int, Meta(ge=1, le=20)] = 5
     lost_after_s: Positive = 2.0
+    beacon_sigma_m: Positive = 1.5
     signing_key_file: str | None = None
 
 
