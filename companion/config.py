@@ -104,15 +104,19 @@ class Vision(_Section, frozen=True):
 
 
 class Estimation(_Section, frozen=True):
-    """Where the pad is and will be."""
+    """Where the pad is and will be. `lag_s` is how late a measurement may come and still be worked in; the vehicle sigmas
+    say how far the autopilot's own estimate may be off (measured on a real PX4)."""
 
     estimator: str = "imm"
     gate_probability: Annotated[float, Meta(gt=0.5, lt=1.0)] = 0.999
     history_s: Positive = 1.5
-    pad_acceleration_sigma_m_s2: Positive = 1.0
-    pad_turn_sigma_rad_s2: Positive = 0.3
+    lag_s: Positive = 1.0
     beacon_bias_sigma_m: Positive = 1.5
     beacon_bias_time_s: Positive = 60.0
+    beacon_noise_sigma_m: Positive = 0.3
+    vehicle_tilt_sigma_deg: NonNegative = 1.2
+    vehicle_yaw_sigma_deg: NonNegative = 3.0
+    vehicle_velocity_sigma_m_s: NonNegative = 0.3
     lost_after_s: Positive = 15.0
 
 
@@ -132,6 +136,12 @@ class Planning(_Section, frozen=True):
     thrust_to_weight: Annotated[float, Meta(gt=1.0)] = 1.85
     min_thrust_to_weight: Fraction = 0.3
     max_body_rate_deg_s: Positive = 200.0
+    end_times: Annotated[int, Meta(ge=1, le=1000)] = 40
+    horizon_s: Positive = 8.0
+    approach_directions: Annotated[int, Meta(ge=1, le=64)] = 5
+    approach_speed_m_s: NonNegative = 0.2
+    switch_distance_m: NonNegative = 0.1
+    duration_weight: NonNegative = 0.0
 
 
 class Control(_Section, frozen=True):

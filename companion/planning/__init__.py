@@ -14,7 +14,6 @@ from companion.planning.limits import Limits, ProvenBounds, limits_from_config
 from companion.planning.obstacle import Cylinder, Obstacle, Sphere
 from companion.planning.request import (
     DescentCone,
-    FieldOfView,
     NoPlan,
     Plan,
     Planner,
@@ -23,6 +22,7 @@ from companion.planning.request import (
     plan_made,
 )
 from companion.planning.trajectory import Trajectory
+from companion.planning.view import FieldOfView
 
 __all__ = [
     "PLANNERS",
@@ -43,5 +43,15 @@ __all__ = [
     "plan_made",
 ]
 
-PLANNERS: dict[str, Callable[[Planning], Planner]] = {"bspline": BSplinePlanner.from_config}
+
+def _min_jerk(planning: Planning) -> Planner:
+    from companion.planning.min_jerk import MinJerkPlanner  # compiles: only for those who ask for it
+
+    return MinJerkPlanner.from_config(planning)
+
+
+PLANNERS: dict[str, Callable[[Planning], Planner]] = {
+    "bspline": BSplinePlanner.from_config,
+    "min_jerk": _min_jerk,
+}
 """Factories by the name in the configuration."""

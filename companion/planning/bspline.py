@@ -17,19 +17,20 @@ import numpy as np
 import numpy.typing as npt
 
 from companion.config import Planning
-from companion.geometry import ZERO, add, scale
+from companion.geometry import ZERO
 from companion.messages import Vec3
 from companion.planning.limits import (
     TOLERANCE,
     Axes,
-    Limits,
     ProvenBounds,
     bounds_of_control_points,
     excess,
 )
 from companion.planning.obstacle import Obstacle, centre_at, hull_is_clear
+from companion.planning.proof import in_cone, pad_velocities
 from companion.planning.request import DescentCone, NoPlan, Plan, PlanRequest
 from companion.planning.trajectory import Piece, Trajectory
+from companion.planning.view import FieldOfView, pad_in_view
 
 Array = npt.NDArray[np.float64]
 Points = tuple[list[float], list[float], list[float]]
@@ -214,14 +215,6 @@ class BSplinePlanner:
         )
 
 
-def pad_velocities(request: PlanRequest) -> tuple[Vec3, ...]:
-    """The two ends of the range in which the pad's velocity is taken to stay."""
-    now = request.pad_velocity_m_s
-    if request.pad_acceleration_m_s2 == ZERO:
-        return (now,)
-    return now, add(now, scale(request.pad_acceleration_m_s2, request.pad_preview_s))
-
-
 def _first_guess(request: PlanRequest) -> float:
     """No shorter plan can hold the limits: half the way at full acceleration, and the mean speed not above the bound."""
     limits, start, goal = request.limits, request.position_m, request.goal_position_m
@@ -325,22 +318,24 @@ def _blocked(shape: Shape, request: PlanRequest, points: Points, h: float) -> st
     if floor is not None and max(points[2]) > -floor + TOLERANCE:
         return f"goes {max(points[2]) + floor:.2f} m below the floor"
     if request.cone is not None:
-        for span in range(shape.spans):
-            if not _in_cone(request.cone, points, span, span + shape.degree + 1):
-                return "leaves the descent cone"
+        hull = list(zip(*points, strict=True))
+        if not all(in_cone(request.cone, hull[s : s + shape.degree + 1]) for s in range(shape.spans)):
+            return "leaves the descent cone"
     for obstacle in request.obstacles:
         if not _clear_of(shape, request, obstacle, points, h):
             return f"meets the no-fly volume of {obstacle.radius_m:.1f} m radius"
+    if request.field_of_view is not None and not _in_view(shape, request, request.field_of_view, points, h):
+        return "loses the pad from view"
     return ""
 
 
-def _in_cone(cone: DescentCone, points: Points, start: int, stop: int) -> bool:
-    """The hull is above the cone's top, or inside the cone: both are convex, so its control points decide."""
-    if max(points[2][start:stop]) <= -cone.top_m + TOLERANCE:
-        return True
+def _in_view(shape: Shape, request: PlanRequest, view: FieldOfView, points: Points, h: float) -> bool:
+    acceleration = _differences(_differences(points, shape.factors[0], h), shape.factors[1], h)
+    hull, pushes = list(zip(*points, strict=True)), list(zip(*acceleration, strict=True))
+    p = shape.degree
     return all(
-        math.hypot(x, y) <= cone.radius_m - cone.slope * z + TOLERANCE
-        for x, y, z in zip(points[0][start:stop], points[1][start:stop], points[2][start:stop], strict=True)
+        pad_in_view(view, hull[s : s + p + 1], pushes[s : s + p - 1], request.pad_acceleration_m_s2)
+        for s in range(shape.spans)
     )
 
 
@@ -374,6 +369,3 @@ def _jerk_cost(shape: Shape, jerk: Axes, h: float) -> float:
         for a, row in zip(column, shape.jerk_gram, strict=True):
             total += a * sum([g * b for g, b in zip(row, column, strict=True)])
     return total * h
-
-
-__all__ = ["BSplinePlanner", "Limits", "Shape", "basis_polynomials", "pad_velocities", "shape_of"]

@@ -146,7 +146,13 @@ def excess(bounds: ProvenBounds, limits: Limits) -> tuple[float, str]:
             thrust_limit,
             "m/s2",
         ),
-        (2.0 - bounds.thrust_min_m_s2 / lift_limit, "least thrust", bounds.thrust_min_m_s2, lift_limit, "m/s2"),
+        (
+            1.0 + (lift_limit - bounds.thrust_min_m_s2) / GRAVITY_M_S2,
+            "least thrust",
+            bounds.thrust_min_m_s2,
+            lift_limit,
+            "m/s2",
+        ),
         (
             math.cbrt(min(bounds.body_rate_rad_s / limits.max_body_rate_rad_s, 1e9)),
             "body rate",
@@ -164,3 +170,18 @@ def excess(bounds: ProvenBounds, limits: Limits) -> tuple[float, str]:
 def hold(bounds: ProvenBounds, limits: Limits) -> bool:
     """True where the bounds are within the limits (up to rounding)."""
     return excess(bounds, limits)[0] <= 1.0 + TOLERANCE
+
+
+def capped(bounds: ProvenBounds, limits: Limits) -> ProvenBounds:
+    """The tighter of a bound and the limit, for plans that another test has proven to be within the limits."""
+    return ProvenBounds(
+        speed_m_s=min(bounds.speed_m_s, limits.max_speed_m_s),
+        climb_m_s=min(bounds.climb_m_s, limits.max_climb_m_s),
+        descent_m_s=min(bounds.descent_m_s, limits.max_descent_m_s),
+        acceleration_m_s2=min(bounds.acceleration_m_s2, limits.max_acceleration_m_s2),
+        jerk_m_s3=min(bounds.jerk_m_s3, limits.max_jerk_m_s3),
+        thrust_max_m_s2=min(bounds.thrust_max_m_s2, limits.thrust_to_weight * GRAVITY_M_S2),
+        thrust_min_m_s2=max(bounds.thrust_min_m_s2, limits.min_thrust_to_weight * GRAVITY_M_S2),
+        body_rate_rad_s=min(bounds.body_rate_rad_s, limits.max_body_rate_rad_s),
+        relative_speed_m_s=min(bounds.relative_speed_m_s, limits.relative_speed_m_s),
+    )

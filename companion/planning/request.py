@@ -16,6 +16,7 @@ from companion.messages import PlanMade, Vec3
 from companion.planning.limits import Limits, ProvenBounds
 from companion.planning.obstacle import Obstacle
 from companion.planning.trajectory import Trajectory
+from companion.planning.view import FieldOfView
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,14 +26,6 @@ class DescentCone:
     radius_m: float
     slope: float
     top_m: float
-
-
-@dataclass(frozen=True, slots=True)
-class FieldOfView:
-    """The pad stays within `half_angle_rad` of body down (a camera that looks down) while higher than `min_height_m`."""
-
-    half_angle_rad: float
-    min_height_m: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)
