@@ -156,6 +156,7 @@ class Control(_Section, frozen=True):
     max_integral_m_s: NonNegative = 0.6
     lead_s: NonNegative = 0.3
     acceleration_feedforward: bool = True
+    acceleration_preview_s: NonNegative = 0.3
     max_acceleration_m_s2: Positive = 5.0
     max_speed_m_s: Positive = 12.0
     max_climb_m_s: Positive = 3.0

@@ -1,0 +1,135 @@
+"""Command line: parsing and printing only. Each command calls one function of the module that does the work."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated, Any, NoReturn
+
+import typer
+from rich.console import Console
+
+from companion.config import Config, ConfigError, load, parse_value
+
+app = typer.Typer(
+    help="Lands a PX4 multirotor on a pad that moves.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+ConfigFiles = Annotated[
+    list[Path] | None, typer.Option("-c", "--config", help="Configuration file (TOML); may be given several times.")
+]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option("--set", help="Override a key: --set control.position_gain_hz=1.5", metavar="KEY=VALUE"),
+]
+
+
+@app.command()
+def demo(
+    scenario: Annotated[
+        str | None, typer.Argument(help="line, circle, figure8, ... or a file (configs/scenarios).")
+    ] = None,
+    scenario_option: Annotated[str | None, typer.Option("--scenario", help="The same as the argument.")] = None,
+    seed: Annotated[int, typer.Option(help="Seed of everything random.")] = 1,
+    config: ConfigFiles = None,
+    settings: Settings = None,
+    world: Annotated[
+        list[str] | None,
+        typer.Option("--world", help="Override a key of the scenario: --world wind.mean_m_s=8", metavar="KEY=VALUE"),
+    ] = None,
+    udp: Annotated[
+        bool, typer.Option("--udp", help="Two processes, real sockets, real time, camera over HTTP.")
+    ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="No view; end with one line of JSON.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="No live view.")] = False,
+    runs: Annotated[Path, typer.Option(help="Where run folders are made.")] = Path("runs"),
+    keep: Annotated[bool, typer.Option("--keep/--no-keep", help="Write the run folder.")] = True,
+) -> None:
+    """Watch a simulated landing: the simulator and Companion, in lockstep or over sockets."""
+    from companion.demo import DemoOptions, exit_status, fly_demo
+    from sitl_stub.scenario import ScenarioError, with_overrides
+    from sitl_stub.scenario import load as load_scenario
+
+    name = scenario_option or scenario or "line"
+    loaded = _config(config, settings)
+    try:
+        flown = with_overrides(load_scenario(name), _pairs(world, parse=True))
+    except ScenarioError as error:
+        _fail(str(error))
+    console = Console(stderr=as_json)
+    options = DemoOptions(Path(name).stem, seed, runs, show=not (as_json or quiet) and console.is_terminal, keep=keep)
+    if udp:
+        from companion.demo_udp import fly_demo_udp
+
+        figures = fly_demo_udp(name, _pairs(world), flown, loaded, options, console)
+    else:
+        figures = fly_demo(flown, loaded, options, console)
+    _print_result(figures, as_json, console)
+    raise typer.Exit(exit_status(figures))
+
+
+def _print_result(figures: dict[str, Any], as_json: bool, console: Console) -> None:
+    from companion.campaign.summary import summary_line
+
+    if as_json:
+        print(json.dumps(figures))
+        return
+    console.print(summary_line(figures), style="bold green" if figures["outcome"] == "landed" else "bold red")
+    if "run" in figures:
+        console.print(f"kept in {figures['run']}: flight.tlog, run.json, report.html")
+
+
+@app.command()
+def run(
+    config: ConfigFiles = None,
+    settings: Settings = None,
+    start: Annotated[bool, typer.Option("--start", help="Say START as soon as the vehicle is heard.")] = False,
+    runs: Annotated[Path, typer.Option(help="Where run folders are made.")] = Path("runs"),
+    quiet: Annotated[bool, typer.Option("--quiet", help="No live view.")] = False,
+) -> None:
+    """Fly: the app on a companion computer, or against a simulator."""
+    from companion.app import run_live
+
+    raise typer.Exit(
+        run_live(_config(config, settings), start=start, runs=runs, show=not quiet and sys.stdout.isatty())
+    )
+
+
+@app.command("check-config")
+def check_config(config: ConfigFiles = None, settings: Settings = None) -> None:
+    """Check configuration files and print the whole configuration as JSON."""
+    import msgspec
+
+    loaded = _config(config, settings)
+    print(msgspec.json.format(msgspec.json.encode(loaded), indent=2).decode())
+
+
+def _config(files: list[Path] | None, settings: list[str] | None) -> Config:
+    try:
+        return load(files or [], _pairs(settings))
+    except ConfigError as error:
+        _fail(str(error))
+
+
+def _pairs(settings: list[str] | None, *, parse: bool = False) -> dict[str, Any]:
+    pairs: dict[str, Any] = {}
+    for text in settings or []:
+        key, equals, value = text.partition("=")
+        if not equals or not key:
+            _fail(f"{text!r}: expected KEY=VALUE, as in --set control.position_gain_hz=1.5")
+        pairs[key.strip()] = parse_value(value.strip()) if parse else value.strip()
+    return pairs
+
+
+def _fail(text: str) -> NoReturn:
+    print(f"companion: {text}", file=sys.stderr)
+    raise typer.Exit(2)
+
+
+def main() -> None:
+    """Entry point of the console script."""
+    app()

@@ -1,0 +1,106 @@
+"""`companion demo`: a simulated landing to watch. In lockstep by default; with real sockets and two processes by `--udp`."""
+
+from __future__ import annotations
+
+import signal
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.live import Live
+
+from companion.campaign.flight_sinks import ReportSink, TlogSink, ViewSink
+from companion.campaign.runner import Sink, fly
+from companion.campaign.summary import summary, summary_line
+from companion.config import Config
+from companion.io.run_folder import RunFolder, versions
+from companion.telemetry.live_view import LiveView
+from companion.telemetry.report import report_html
+from sitl_stub.scenario import Scenario
+
+REDRAW_HZ = 8.0
+
+
+@dataclass(frozen=True, slots=True)
+class DemoOptions:
+    """What the command line asked for."""
+
+    scenario_name: str
+    seed: int
+    runs: Path
+    show: bool
+    keep: bool
+
+
+def fly_demo(scenario: Scenario, config: Config, options: DemoOptions, console: Console) -> dict[str, Any]:
+    """Fly, show, record, sum up; the figures as in run.json."""
+    title = f"companion demo {options.scenario_name}, seed {options.seed} (simulated)"
+    view = LiveView(title)
+    folder = RunFolder(options.runs, f"{options.scenario_name}-{options.seed}") if options.keep else None
+    report = ReportSink()
+    sinks: list[Sink] = [report]
+    if folder is not None:
+        folder.write_config(config)
+        sinks.append(TlogSink(folder.tlog))
+    if options.show:
+        sinks.append(ViewSink(view))
+    started = time.monotonic()
+    with _interruptible() as was_interrupted, _drawing(view, console, started, options.show) as draw:
+
+        def on_turn() -> bool:
+            draw()
+            return was_interrupted()
+
+        result = fly(scenario, config, seed=options.seed, sinks=sinks, interrupted=on_turn)
+    wall_s = time.monotonic() - started
+    figures = summary(result, scenario=options.scenario_name, seed=options.seed, wall_s=wall_s)
+    if folder is not None:
+        figures["run"] = str(folder.path)
+        folder.write_run(figures)
+        page = report_html(report.record, {**figures, **versions()}, title=title, line=summary_line(figures))
+        folder.report.write_text(page, encoding="utf-8")
+    return figures
+
+
+@contextmanager
+def _interruptible() -> Iterator[Callable[[], bool]]:
+    """The first Ctrl-C asks for an orderly end (the vehicle goes to Hold); the second is the usual one."""
+    asked = [False]
+
+    def on_signal(number: int, frame: object) -> None:
+        asked[0] = True
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+    before = signal.signal(signal.SIGINT, on_signal)
+    try:
+        yield lambda: asked[0]
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+@contextmanager
+def _drawing(view: LiveView, console: Console, started: float, show: bool) -> Iterator[Callable[[], None]]:
+    """A redraw function that costs nothing between redraws."""
+    if not show:
+        yield lambda: None
+        return
+    last = [0.0]
+    with Live(console=console, auto_refresh=False, transient=False) as live:
+
+        def draw() -> None:
+            now = time.monotonic()
+            if now - last[0] >= 1.0 / REDRAW_HZ:
+                last[0] = now
+                live.update(view.panel(wall_s=now - started), refresh=True)
+
+        yield draw
+        live.update(view.panel(wall_s=time.monotonic() - started), refresh=True)
+
+
+def exit_status(figures: dict[str, Any]) -> int:
+    """0 only for a landing on the pad."""
+    return 0 if figures["outcome"] == "landed" else 1

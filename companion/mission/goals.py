@@ -1,0 +1,73 @@
+"""What to fly for in each phase: a point (and speed) relative to the pad, or to where the search began."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from companion.config import Mission
+from companion.geometry import ZERO
+from companion.messages import Phase, Vec3
+from companion.mission.facts import Facts
+
+Frame = Literal["pad", "start"]
+Style = Literal["plan", "ramp", "press", "pattern", "stay"]
+
+
+@dataclass(frozen=True, slots=True)
+class Goal:
+    """`position_m` is vehicle minus pad (or minus start), NED axes.
+
+    Styles: `plan` a planner flies there; `ramp` straight down at `velocity_m_s`; `press` no position feedback, only the
+    pad's velocity and a push down; `pattern` the search; `stay` hold where control was taken up.
+    """
+
+    frame: Frame
+    style: Style
+    position_m: Vec3 = ZERO
+    velocity_m_s: Vec3 = ZERO
+    max_descent_m_s: float | None = None
+
+
+def goal_of(phase: Phase, facts: Facts, mission: Mission) -> Goal | None:
+    """None where no setpoint is to be sent."""
+    match phase:
+        case Phase.ENGAGE:
+            return Goal("start", "stay")
+        case Phase.SEARCH:
+            return Goal("start", "pattern")
+        case Phase.APPROACH:
+            return _above(mission.approach_height_m)
+        case Phase.FOLLOW | Phase.GO_AROUND | Phase.ABORT:
+            return _above(mission.follow_height_m)
+        case Phase.DESCEND:
+            return _descent(facts, mission)
+        case Phase.COMMIT:
+            return Goal("pad", "ramp", ZERO, (0.0, 0.0, mission.final_descent_speed_m_s))
+        case Phase.TOUCHDOWN:
+            return Goal("pad", "press", ZERO, (0.0, 0.0, mission.press_speed_m_s))
+        case _:
+            return None
+
+
+def _above(height_m: float) -> Goal:
+    return Goal("pad", "plan", (0.0, 0.0, -height_m))
+
+
+def _descent(facts: Facts, mission: Mission) -> Goal:
+    """Down to where the last metre begins; level while the pad is out of sight or the vehicle outside the cone."""
+    height = facts.height_above_pad_m
+    if height is not None and not may_descend(facts, mission):
+        return _above(max(height, mission.commit_height_m))
+    end = (0.0, 0.0, -0.9 * mission.commit_height_m)
+    down = (0.0, 0.0, mission.final_descent_speed_m_s)
+    return Goal("pad", "plan", end, down, max_descent_m_s=mission.descent_speed_m_s)
+
+
+def may_descend(facts: Facts, mission: Mission) -> bool:
+    """Inside the cone, and the pad seen a moment ago."""
+    height, miss = facts.height_above_pad_m, facts.miss_m
+    if height is None or miss is None or facts.pad is None or facts.pad.vision_age_s is None:
+        return False
+    inside = miss <= mission.cone_radius_m + mission.cone_slope * height
+    return inside and facts.pad.vision_age_s <= mission.vision_hold_s

@@ -1,0 +1,420 @@
+"""Pipeline.handle(message) -> outputs: the fixed order of the stages, and the only place where they meet.
+
+A deterministic function of timestamped messages: no clock, no input or output. Live, replay and campaign call the same
+`handle`. Sensor messages update what is known; a `Tick` decides:
+
+    facts -> mission (phase, requests) -> goal -> plan (relative to the pad) -> control -> setpoint
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from companion.config import Config
+from companion.control import CONTROLLERS, YAW_LAWS, ControlInput, Reference, YawInput
+from companion.control.limits import limited_length, limited_velocity, slewed
+from companion.estimation import VehiclePose, make_tracker
+from companion.geometry import (
+    ZERO,
+    Transform,
+    horizontal_norm,
+    quaternion_conjugate,
+    quaternion_from_euler,
+    rotate,
+    subtract,
+    yaw_of,
+)
+from companion.messages import (
+    CommandKind,
+    CommandResult,
+    Input,
+    MissionView,
+    OperatorAction,
+    OperatorCommand,
+    Output,
+    PadBeacon,
+    PadBearing,
+    PadEstimate,
+    PadObservation,
+    Phase,
+    PlanMade,
+    RangeMeasurement,
+    ThrustReport,
+    Tick,
+    Vec3,
+    VehicleState,
+    VehicleStatus,
+    VelocitySetpoint,
+)
+from companion.mission.facts import Facts
+from companion.mission.goals import Goal, goal_of
+from companion.mission.machine import Machine
+from companion.mission.search import PATTERNS
+from companion.mission.touchdown import NO_EVIDENCE, TouchdownDetector, TouchdownEvidence, TouchdownSigns
+from companion.planning import PLANNERS
+from companion.planning.follower import FollowRequest, ReferenceFollower
+from companion.vision import mounted
+from companion.vision.detector import DetectionHint
+
+MAX_STATE_AGE_S = 0.25
+"""Older vehicle states are not flown on: unknown means stop sending."""
+
+MAX_MODE_AGE_S = 0.6
+"""PX4 takes OFFBOARD back by itself at the first setpoint after a failsafe. So none is sent until the mode is known afresh."""
+
+MAX_RANGE_AGE_S = 0.3
+PAD_IN_VIEW_AGE_S = 0.15
+
+
+@dataclass(frozen=True, slots=True)
+class _Target:
+    """What the goal is relative to: the predicted pad, or the point where the search began. W."""
+
+    position_m: Vec3
+    velocity_m_s: Vec3
+    velocity_ahead_m_s: Vec3
+    acceleration_ahead_m_s2: Vec3
+
+
+class Pipeline:
+    """All state that decides: vehicle history, pad estimate, mission, plan, control."""
+
+    def __init__(self, config: Config) -> None:
+        self._config = config
+        self._tracker = make_tracker(config.estimation, config.pad, config.cameras)
+        self._machine = Machine(config.mission, config.safety)
+        self._follower = ReferenceFollower(PLANNERS[config.planning.planner](config.planning), config.planning)
+        self._controller = CONTROLLERS[config.control.controller](config.control)
+        self._touchdown = TouchdownDetector(config.mission)
+        self._mounts = {name: mounted(camera) for name, camera in config.cameras.items()}
+        self._evidence: TouchdownEvidence = NO_EVIDENCE
+        self._status: VehicleStatus | None = None
+        self._range: RangeMeasurement | None = None
+        self._thrust: ThrustReport | None = None
+        self._operator: OperatorAction | None = None
+        self._refused: str | None = None
+        self._no_plan: str | None = None
+        self._start: VehiclePose | None = None
+        self._start_yaw_rad = 0.0
+        self._pattern_since_ns: int | None = None
+        self._setpoint: VelocitySetpoint | None = None
+        self._last_tick_ns: int | None = None
+
+    @property
+    def phase(self) -> Phase:
+        return self._machine.phase
+
+    @property
+    def go_arounds(self) -> int:
+        return self._machine.go_arounds
+
+    # ---------------------------------------------------------------------------------------------------------- inputs
+
+    def handle(self, message: Input) -> list[Output]:
+        """One message in, what follows from it out. Never raises on content."""
+        match message:
+            case Tick():
+                return self._on_tick(message.t_ns)
+            case VehicleState():
+                self._tracker.add_vehicle_state(message)
+            case RangeMeasurement():
+                self._range = message
+                return self._observe(message)
+            case PadObservation() | PadBearing() | PadBeacon():
+                return self._observe(message)
+            case VehicleStatus():
+                self._status = message
+            case ThrustReport():
+                self._thrust = message
+            case CommandResult():
+                self._on_command_result(message)
+            case OperatorCommand():
+                self._operator = message.action
+            case _:
+                pass
+        return []
+
+    def _observe(self, message: PadObservation | PadBearing | PadBeacon | RangeMeasurement) -> list[Output]:
+        verdict = self._tracker.observe(message)
+        return [] if verdict is None else [verdict]
+
+    def _on_command_result(self, result: CommandResult) -> None:
+        self._refused = None if result.accepted else f"{result.kind}: {result.result}"
+        if not result.accepted and result.kind is CommandKind.FORCE_DISARM:
+            self._refused = None  # nothing left to escalate to: asked again after the request period
+
+    def hint(self, camera: str, t_ns: int) -> DetectionHint | None:
+        """What a frame taken at t_ns should show: a pure question, asked by the shell before the detector runs."""
+        pose, mount = self._tracker.history.at(t_ns), self._mounts.get(camera)
+        if pose is None or mount is None:
+            return None
+        X_WC = Transform(pose.q_ned_frd, pose.position_ned_m) @ mount
+        down_camera = rotate(quaternion_conjugate(X_WC.q), (0.0, 0.0, 1.0))
+        pad = self._tracker.estimate(t_ns)
+        if pad is None or pad.vision_age_s is None:
+            return DetectionHint(down_camera=down_camera)
+        X_WP = Transform(quaternion_from_euler(pad.roll_rad, pad.pitch_rad, pad.yaw_rad), pad.position_ned_m)
+        return DetectionHint(X_WC.inverse() @ X_WP, pad.position_sigma_m, down_camera)
+
+    # ------------------------------------------------------------------------------------------------------------ tick
+
+    def _on_tick(self, t_ns: int) -> list[Output]:
+        dt_s = 1.0 / self._config.control.rate_hz if self._last_tick_ns is None else (t_ns - self._last_tick_ns) / 1e9
+        self._last_tick_ns = t_ns
+        pose = self._tracker.history.at(t_ns)
+        pad = self._tracker.estimate(t_ns)
+        facts = self._facts(t_ns, pose, pad, dt_s)
+        step = self._machine.step(facts, dt_s=dt_s)
+        self._operator = None
+        outputs: list[Output] = [*step.changes]
+        if step.changes:
+            self._on_phase(step.changes[0].before, step.phase, pose)
+        if step.commands:
+            self._refused = None
+            outputs += step.commands
+        outputs += self._fly(step.phase, facts, pose, pad, dt_s)
+        if pad is not None:
+            outputs.append(pad)
+        outputs.append(self._view(facts, step.phase))
+        return outputs
+
+    def _state_age_s(self, t_ns: int) -> float | None:
+        latest = self._tracker.history.latest
+        return None if latest is None else (t_ns - latest.t_ns) / 1e9
+
+    def _on_phase(self, before: Phase, phase: Phase, pose: VehiclePose | None) -> None:
+        self._refused = None
+        self._no_plan = None
+        if phase in (Phase.ENGAGE, Phase.TAKEOFF) and pose is not None:
+            self._start = pose
+            self._start_yaw_rad = yaw_of(pose.q_ned_frd)
+            self._controller.reset()
+            self._follower.reset()
+            self._setpoint = None
+        if phase is Phase.SEARCH:
+            self._start = pose or self._start
+            self._pattern_since_ns = None
+        if before is Phase.SEARCH:
+            self._follower.reset()
+
+    def _facts(self, t_ns: int, pose: VehiclePose | None, pad: PadEstimate | None, dt_s: float) -> Facts:
+        relative_position = relative_velocity = None
+        if pose is not None and pad is not None:
+            relative_position = subtract(pose.position_ned_m, pad.position_ned_m)
+            relative_velocity = subtract(pose.velocity_ned_m_s, pad.velocity_ned_m_s)
+        self._weigh_touchdown(t_ns, pose, relative_position, relative_velocity, pad, dt_s)
+        start = self._start.position_ned_m if self._start is not None else None
+        away = ZERO if start is None or pose is None else subtract(pose.position_ned_m, start)
+        return Facts(
+            t_ns=t_ns,
+            status=self._status,
+            mode_age_s=None if self._status is None else (t_ns - self._status.t_ns) / 1e9,
+            state_age_s=self._state_age_s(t_ns),
+            distance_from_start_m=horizontal_norm(away),
+            height_above_start_m=-away[2],
+            tilt_rad=0.0 if pose is None else _tilt_rad(pose),
+            pad=pad,
+            relative_position_m=relative_position,
+            relative_velocity_m_s=relative_velocity,
+            touchdown=self._evidence,
+            no_plan_reason=self._no_plan,
+            operator=self._operator,
+            refused=self._refused,
+        )
+
+    def _weigh_touchdown(
+        self,
+        t_ns: int,
+        pose: VehiclePose | None,
+        position: Vec3 | None,
+        velocity: Vec3 | None,
+        pad: PadEstimate | None,
+        dt_s: float,
+    ) -> None:
+        thrust = None if self._thrust is None else self._thrust.thrust_normalized
+        height = None if position is None else -position[2]
+        flying_free = height is not None and height > 1.5 and velocity is not None and abs(velocity[2]) < 1.5
+        if thrust is not None and flying_free:
+            self._touchdown.learn_hover_thrust(thrust, dt_s=dt_s)
+        pad_down = 0.0 if pad is None else pad.velocity_ned_m_s[2]
+        signs = TouchdownSigns(
+            height_m=height,
+            range_m=self._fresh_range(t_ns, pose),
+            sink_rate_m_s=None if velocity is None else velocity[2],
+            relative_speed_m_s=None if velocity is None else horizontal_norm(velocity),
+            commanded_sink_m_s=0.0 if self._setpoint is None else self._setpoint.velocity_ned_m_s[2] - pad_down,
+            thrust_normalized=thrust,
+        )
+        self._evidence = self._touchdown.update(signs, dt_s=dt_s)
+
+    def _fresh_range(self, t_ns: int, pose: VehiclePose | None) -> float | None:
+        """Vertical distance to what is below, m."""
+        measured = self._range
+        if measured is None or measured.distance_m is None or pose is None:
+            return None
+        if (t_ns - measured.t_ns) / 1e9 > MAX_RANGE_AGE_S:
+            return None
+        return measured.distance_m * math.cos(_tilt_rad(pose))
+
+    # ------------------------------------------------------------------------------------------------------------- fly
+
+    def _fly(
+        self, phase: Phase, facts: Facts, pose: VehiclePose | None, pad: PadEstimate | None, dt_s: float
+    ) -> list[Output]:
+        goal = goal_of(phase, facts, self._config.mission)
+        if goal is None or pose is None or not self._may_send(facts):
+            self._setpoint = None
+            return []
+        target = self._target(goal, facts.t_ns, pad)
+        if target is None:
+            goal = Goal("start", "stay")
+            target = self._target(goal, facts.t_ns, pad)
+        if target is None:
+            return []
+        outputs: list[Output] = []
+        now, ahead = self._reference(goal, target, pose, facts.t_ns, outputs)
+        command = self._controller.update(
+            ControlInput(
+                dt_s=dt_s,
+                relative_position_m=subtract(pose.position_ned_m, target.position_m),
+                relative_velocity_m_s=subtract(pose.velocity_ned_m_s, target.velocity_m_s),
+                reference=now,
+                reference_ahead=ahead,
+                pad_velocity_ahead_m_s=target.velocity_ahead_m_s,
+                pad_acceleration_ahead_m_s2=target.acceleration_ahead_m_s2,
+                feedback=goal.style != "press",
+            )
+        )
+        self._setpoint = self._limited(command.velocity_ned_m_s, command.acceleration_ned_m_s2, pose, pad, facts, dt_s)
+        return [*outputs, self._setpoint]
+
+    def _may_send(self, facts: Facts) -> bool:
+        state_fresh = facts.state_age_s is not None and facts.state_age_s <= MAX_STATE_AGE_S
+        mode_fresh = facts.mode_age_s is not None and facts.mode_age_s <= MAX_MODE_AGE_S
+        return state_fresh and mode_fresh and facts.status is not None and facts.status.connected
+
+    def _target(self, goal: Goal, t_ns: int, pad: PadEstimate | None) -> _Target | None:
+        if goal.frame == "start":
+            return None if self._start is None else _Target(self._start.position_ned_m, ZERO, ZERO, ZERO)
+        if pad is None:
+            return None
+        control = self._config.control
+        ahead = self._tracker.estimate(t_ns + round(control.lead_s * 1e9)) or pad
+        preview = self._tracker.estimate(t_ns + round(control.acceleration_preview_s * 1e9)) or pad
+        return _Target(
+            position_m=pad.position_ned_m,
+            velocity_m_s=pad.velocity_ned_m_s,
+            velocity_ahead_m_s=ahead.velocity_ned_m_s,
+            acceleration_ahead_m_s2=preview.acceleration_ned_m_s2 if control.acceleration_feedforward else ZERO,
+        )
+
+    def _reference(
+        self, goal: Goal, target: _Target, pose: VehiclePose, t_ns: int, outputs: list[Output]
+    ) -> tuple[Reference, Reference]:
+        if goal.style == "stay":
+            still = Reference(ZERO, ZERO, ZERO)
+            return still, still
+        if goal.style == "press":
+            pressing = Reference(ZERO, goal.velocity_m_s, ZERO)
+            return pressing, pressing
+        if goal.style == "pattern":
+            return self._pattern(t_ns), self._pattern(t_ns + round(self._config.control.lead_s * 1e9))
+        followed = self._follower.follow(
+            FollowRequest(
+                t_ns=t_ns,
+                lead_s=self._config.control.lead_s,
+                style=goal.style,
+                position_m=subtract(pose.position_ned_m, target.position_m),
+                velocity_m_s=subtract(pose.velocity_ned_m_s, target.velocity_m_s),
+                goal_position_m=goal.position_m,
+                goal_velocity_m_s=goal.velocity_m_s,
+                pad_velocity_m_s=target.velocity_m_s,
+                pad_acceleration_m_s2=target.acceleration_ahead_m_s2,
+                max_descent_m_s=goal.max_descent_m_s,
+            )
+        )
+        if followed.plan is not None:
+            outputs.append(followed.plan)
+            self._note_plan(followed.plan)
+        return Reference(*followed.now), Reference(*followed.ahead)
+
+    def _note_plan(self, plan: PlanMade) -> None:
+        self._no_plan = None if plan.found else plan.reason
+
+    def _pattern(self, t_ns: int) -> Reference:
+        """The search: a point that moves along the pattern at the search speed, at the search height above the start."""
+        mission = self._config.mission
+        if self._pattern_since_ns is None:
+            self._pattern_since_ns = t_ns
+        flown = mission.search_speed_m_s * (t_ns - self._pattern_since_ns) / 1e9
+        pattern = PATTERNS[mission.search_pattern]
+        here = pattern(max(0.0, flown), mission.search_spacing_m, mission.search_radius_m)
+        there = pattern(max(0.0, flown) + 0.1, mission.search_spacing_m, mission.search_radius_m)
+        along = (there[0] - here[0], there[1] - here[1])
+        length = math.hypot(*along) or 1.0
+        speed = (
+            mission.search_speed_m_s if length < 1.0 else 0.0
+        )  # the pattern starts again with a jump: do not chase it
+        return Reference((here[0], here[1], 0.0), (speed * along[0] / length, speed * along[1] / length, 0.0), ZERO)
+
+    def _limited(
+        self,
+        velocity: Vec3,
+        acceleration: Vec3,
+        pose: VehiclePose,
+        pad: PadEstimate | None,
+        facts: Facts,
+        dt_s: float,
+    ) -> VelocitySetpoint:
+        control = self._config.control
+        limited = limited_velocity(
+            velocity,
+            max_speed_m_s=control.max_speed_m_s,
+            max_climb_m_s=control.max_climb_m_s,
+            max_descent_m_s=control.max_descent_m_s,
+        )
+        before = pose.velocity_ned_m_s if self._setpoint is None else self._setpoint.velocity_ned_m_s
+        limited = slewed(before, limited, max_rate=control.max_slew_m_s2, dt_s=dt_s)
+        return VelocitySetpoint(
+            t_ns=facts.t_ns,
+            valid_until_ns=facts.t_ns + round(control.setpoint_valid_s * 1e9),
+            velocity_ned_m_s=limited,
+            yaw_rate_rad_s=self._yaw_rate(pose, pad),
+            acceleration_ned_m_s2=limited_length(acceleration, control.max_acceleration_m_s2)
+            if control.acceleration_feedforward
+            else None,
+        )
+
+    def _yaw_rate(self, pose: VehiclePose, pad: PadEstimate | None) -> float:
+        control = self._config.control
+        error = YAW_LAWS[control.yaw](
+            YawInput(
+                yaw_rad=yaw_of(pose.q_ned_frd),
+                initial_yaw_rad=self._start_yaw_rad,
+                pad_yaw_rad=None if pad is None or pad.vision_age_s is None else pad.yaw_rad,
+                velocity_ned_m_s=pose.velocity_ned_m_s,
+            )
+        )
+        limit = math.radians(control.max_yaw_rate_deg_s)
+        return max(-limit, min(limit, control.yaw_gain_hz * error))
+
+    def _view(self, facts: Facts, phase: Phase) -> MissionView:
+        pad = facts.pad
+        seen = pad is not None and pad.vision_age_s is not None and pad.vision_age_s < PAD_IN_VIEW_AGE_S
+        return MissionView(
+            t_ns=facts.t_ns,
+            phase=phase,
+            relative_position_ned_m=facts.relative_position_m,
+            relative_velocity_ned_m_s=facts.relative_velocity_m_s,
+            height_above_pad_m=facts.height_above_pad_m,
+            pad_seen=seen,
+            note=self._machine.note,
+            go_arounds=self._machine.go_arounds,
+        )
+
+
+def _tilt_rad(pose: VehiclePose) -> float:
+    """Angle between body down and true down."""
+    down = rotate(pose.q_ned_frd, (0.0, 0.0, 1.0))
+    return math.acos(max(-1.0, min(1.0, down[2])))

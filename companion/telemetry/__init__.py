@@ -1,0 +1,1 @@
+"""Telemetry: what leaves Companion for people. Reads messages, owns nothing, decides nothing."""
