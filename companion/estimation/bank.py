@@ -1,0 +1,206 @@
+"""Several motion models side by side, weighted by how well each foresees the measurements (interacting multiple model).
+
+Before each prediction the models exchange what they share (position, beacon bias, velocity); what a model adds it keeps to
+itself, so a turn rate is not diluted by a model that has none. A bank of one model is that model alone: every estimator
+here is a bank. Frame O, NED, SI. Used by track.py.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from companion.estimation.kalman import Vector, log_likelihood, update_scalar
+from companion.estimation.motion import SHARED, VX, VY, Motion, MotionModel, X, Y
+
+LEAST_SHARE = 1e-4
+"""Contributions below this are left out of a mixture: they cost as much as the large ones."""
+LEAST_PROBABILITY = 1e-3
+"""No model is ever given up: the pad may start to turn at any time."""
+
+
+@dataclass(slots=True)
+class Member:
+    """One model with its mean, covariance and probability."""
+
+    model: MotionModel
+    x: Vector
+    P: Vector
+    probability: float
+
+    def copied(self) -> Member:
+        return Member(self.model, self.x[:], self.P[:], self.probability)
+
+
+@dataclass(slots=True)
+class Mixture:
+    """First two moments over the shared states, and the motion, of the whole bank."""
+
+    x: list[float]
+    P: list[float]
+    motion: Motion
+
+
+def start(models: Sequence[MotionModel], probabilities: Sequence[float], shared: Mixture) -> list[Member]:
+    """Every model at the same shared state, its own states at their prior."""
+    return [Member(model, *_extended(model, shared), p) for model, p in zip(models, probabilities, strict=True)]
+
+
+def _extended(model: MotionModel, shared: Mixture) -> tuple[list[float], list[float]]:
+    n = model.size
+    mean, variance = model.added()
+    x = list(shared.x) + list(mean)
+    P = [0.0] * (n * n)
+    for i in range(SHARED):
+        P[i * n : i * n + SHARED] = shared.P[i * SHARED : (i + 1) * SHARED]
+    for k, value in enumerate(variance):
+        i = SHARED + k
+        P[i * n + i] = value
+    return x, P
+
+
+def copied(members: Sequence[Member]) -> list[Member]:
+    return [member.copied() for member in members]
+
+
+def predict(members: Sequence[Member], dt_s: float) -> None:
+    for member in members:
+        member.model.predict(member.x, member.P, dt_s)
+
+
+def mix(members: Sequence[Member], dt_s: float, sojourn_s: float) -> None:
+    """The interaction step: a model keeps its hypothesis for `sojourn_s` on average, then passes to any other."""
+    count = len(members)
+    if count == 1 or dt_s <= 0.0:
+        return
+    stay = math.exp(-dt_s / sojourn_s)
+    leave = (1.0 - stay) / (count - 1)
+    before = [member.copied() for member in members]
+    for j, member in enumerate(members):
+        shares = [(stay if i == j else leave) * other.probability for i, other in enumerate(before)]
+        total = sum(shares)
+        member.probability = total
+        _take(member, before, [share / total for share in shares], j)
+
+
+def _take(member: Member, before: Sequence[Member], shares: Sequence[float], own: int) -> None:
+    """Write the mixture into `member`. The tie between shared and own states is kept in proportion to the own share, which
+    keeps the covariance positive."""
+    if shares[own] > 1.0 - LEAST_SHARE:
+        return
+    x, P = _moments(before, shares)
+    n, keep = member.model.size, shares[own]
+    for i in range(SHARED):
+        member.x[i] = x[i]
+        for j in range(SHARED):
+            member.P[i * n + j] = P[i * SHARED + j]
+        for j in range(SHARED, n):
+            member.P[i * n + j] *= keep
+            member.P[j * n + i] *= keep
+
+
+def _moments(members: Sequence[Member], shares: Sequence[float]) -> tuple[list[float], list[float]]:
+    """Mean and covariance of the shared states of a mixture, spread of the means included."""
+    parts = [(w, m.x, m.P, m.model.size) for w, m in zip(shares, members, strict=True) if w > LEAST_SHARE]
+    scale = 1.0 / sum(part[0] for part in parts)
+    mean = [sum(w * x[i] for w, x, _, _ in parts) * scale for i in range(SHARED)]
+    P = [0.0] * (SHARED * SHARED)
+    for w, x, Pm, n in parts:
+        w *= scale
+        d = [x[i] - mean[i] for i in range(SHARED)]
+        for i in range(SHARED):
+            wd = w * d[i]
+            for j in range(i + 1):
+                P[i * SHARED + j] += w * Pm[i * n + j] + wd * d[j]
+    for i in range(SHARED):
+        for j in range(i):
+            P[j * SHARED + i] = P[i * SHARED + j]
+    return mean, P
+
+
+def combined(members: Sequence[Member]) -> Mixture:
+    """The bank as one estimate."""
+    x, P = _moments(members, [member.probability for member in members])
+    north = east = turn = 0.0
+    for member in members:
+        motion, w = member.model.motion(member.x), member.probability
+        north += w * motion.acceleration_m_s2[0]
+        east += w * motion.acceleration_m_s2[1]
+        turn += w * motion.turn_rate_rad_s
+    return Mixture(x, P, Motion((north, east), turn))
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """A scalar measurement of shared states: z = sum of coefficient * x[index] + noise of variance R."""
+
+    terms: tuple[tuple[int, float], ...]
+    z: float
+    R: float
+
+    def residual(self, x: Sequence[float]) -> float:
+        return self.z - sum(c * x[i] for i, c in self.terms)
+
+    def variance(self, P: Sequence[float], n: int) -> float:
+        return self.R + sum(ci * cj * P[i * n + j] for i, ci in self.terms for j, cj in self.terms)
+
+
+def decorrelated(first: Row, second: Row, covariance: float) -> tuple[Row, Row]:
+    """Two scalars with correlated noise as two with independent noise: the second loses what the first says of it."""
+    if covariance == 0.0:
+        return first, second
+    k = covariance / first.R
+    terms = second.terms + tuple((i, -k * c) for i, c in first.terms)
+    return first, Row(terms, second.z - k * first.z, second.R - k * covariance)
+
+
+def update(members: Sequence[Member], rows: Sequence[Row]) -> None:
+    """Fuse scalars one after the other into every model and re-weigh the models by their likelihood."""
+    logs = [_updated(member, rows) for member in members]
+    _reweigh(members, logs)
+
+
+def _updated(member: Member, rows: Sequence[Row]) -> float:
+    n, x, P = member.model.size, member.x, member.P
+    g = [0.0] * n
+    total = 0.0
+    for row in rows:
+        h = [0.0] * n
+        for i, c in row.terms:
+            h[i] += c
+        y = row.residual(x)
+        total += log_likelihood(y, update_scalar(x, P, n, h, y, row.R, g))
+    return total
+
+
+def _reweigh(members: Sequence[Member], logs: Sequence[float]) -> None:
+    if len(members) == 1:
+        return
+    top = max(logs)
+    weights = [m.probability * math.exp(max(-50.0, log - top)) for m, log in zip(members, logs, strict=True)]
+    total = sum(weights)
+    kept = [max(LEAST_PROBABILITY, w / total) for w in weights]
+    total = sum(kept)
+    for member, w in zip(members, kept, strict=True):
+        member.probability = w / total
+
+
+def update_own(member: Member, index: int, y: float, R: float) -> None:
+    """Fuse a scalar that only this model knows (turn rate, yaw): y is the residual. Says nothing about other models."""
+    n = member.model.size
+    h = [0.0] * n
+    h[index] = 1.0
+    update_scalar(member.x, member.P, n, h, y, R, [0.0] * n)
+
+
+def shift_velocity(members: Sequence[Member], step: tuple[float, float]) -> None:
+    """The frame's velocity stepped: so does the pad's in it."""
+    for member in members:
+        member.x[VX] += step[0]
+        member.x[VY] += step[1]
+
+
+def position_rows(z: tuple[float, float], R: tuple[float, float]) -> tuple[Row, Row]:
+    """Direct sight of the pad's horizontal position."""
+    return Row(((X, 1.0),), z[0], R[0]), Row(((Y, 1.0),), z[1], R[1])

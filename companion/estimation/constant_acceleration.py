@@ -1,0 +1,78 @@
+"""Constant acceleration that fades (Singer): the model for braking, starting and whatever nobody foresaw.
+
+Adds the acceleration NED (m/s^2) to the shared state. It forgets over `time_s`, with stationary `sigma_m_s2`: without
+fading, an extrapolated acceleration runs off with t^2.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from companion.estimation.constant_velocity import add_velocity_noise
+from companion.estimation.kalman import Vector, transform_covariance
+from companion.estimation.motion import BX, BY, DEFAULT_BIAS, SHARED, VX, VY, BeaconBias, Motion, X, Y
+
+AX, AY = SHARED, SHARED + 1
+SIZE = SHARED + 2
+ROWS = (X, Y, VX, VY, X, Y, BX, BY, AX, AY)
+COLUMNS = (VX, VY, AX, AY, AX, AY, BX, BY, AX, AY)
+MAX_STEP_S = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class ConstantAcceleration:
+    """Singer model: acceleration of `sigma_m_s2` that is correlated over `time_s`."""
+
+    sigma_m_s2: float = 1.5
+    time_s: float = 1.5
+    velocity_psd: float = 0.001
+    bias: BeaconBias = DEFAULT_BIAS
+    name: str = "constant_acceleration"
+    size: int = SIZE
+    yaw_index: int | None = None
+    turn_index: int | None = None
+
+    def added(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        variance = self.sigma_m_s2 * self.sigma_m_s2
+        return (0.0, 0.0), (variance, variance)
+
+    def predict(self, x: Vector, P: Vector, dt_s: float) -> None:
+        while dt_s > MAX_STEP_S:
+            self._step(x, P, MAX_STEP_S)
+            dt_s -= MAX_STEP_S
+        self._step(x, P, dt_s)
+
+    def _step(self, x: Vector, P: Vector, dt_s: float) -> None:
+        fade = math.exp(-dt_s / self.time_s)
+        to_velocity = self.time_s * (1.0 - fade)
+        to_position = self.time_s * (dt_s - to_velocity)
+        decay = self.bias.decay(dt_s)
+        for p, v, a, b in ((X, VX, AX, BX), (Y, VY, AY, BY)):
+            x[p] += dt_s * x[v] + to_position * x[a]
+            x[v] += to_velocity * x[a]
+            x[a] *= fade
+            x[b] *= decay
+        own = (dt_s, dt_s, to_velocity, to_velocity, to_position, to_position)
+        values = (*own, decay - 1.0, decay - 1.0, fade - 1.0, fade - 1.0)
+        transform_covariance(P, SIZE, ROWS, COLUMNS, values, 10, [0.0] * (SIZE * SIZE))
+        self._add_noise(P, dt_s)
+
+    def _add_noise(self, P: Vector, dt_s: float) -> None:
+        """White jerk of the density that keeps the stationary variance, integrated (exact to the first order of dt/T)."""
+        psd = 2.0 * self.sigma_m_s2 * self.sigma_m_s2 / self.time_s
+        aa, av, ap = psd * dt_s, psd * dt_s**2 / 2.0, psd * dt_s**3 / 6.0
+        vv, vp, pp = psd * dt_s**3 / 3.0, psd * dt_s**4 / 8.0, psd * dt_s**5 / 20.0
+        gained = self.bias.variance_gained(dt_s)
+        for p, v, a, b in ((X, VX, AX, BX), (Y, VY, AY, BY)):
+            for i, j, q in ((a, a, aa), (a, v, av), (a, p, ap), (v, v, vv), (v, p, vp), (p, p, pp)):
+                P[i * SIZE + j] += q
+                if i != j:
+                    P[j * SIZE + i] += q
+            P[b * SIZE + b] += gained
+        add_velocity_noise(P, SIZE, self.velocity_psd, dt_s)
+
+    def motion(self, x: Vector) -> Motion:
+        v2 = x[VX] * x[VX] + x[VY] * x[VY]
+        turn = (x[VX] * x[AY] - x[VY] * x[AX]) / v2 if v2 > 0.25 else 0.0
+        return Motion((x[AX], x[AY]), turn)

@@ -1,0 +1,161 @@
+"""What the filters are given: one measurement of the pad, already in the odometric frame O (NED axes, see
+vehicle_history.py), and the pure functions that make it from an observation and the vehicle's pose at capture time.
+
+`covariance_m2` is the part of the error that is new with every measurement; `systematic_sigma_m` the part that
+neighbouring measurements share (attitude error of the vehicle times range, capture time), which averaging does not remove.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from companion.estimation.vehicle_history import VehiclePose
+from companion.geometry import (
+    Transform,
+    add,
+    euler_from_quaternion,
+    matrix_from_quaternion,
+    norm,
+    quaternion_multiply,
+    rotate,
+    rotated_covariance,
+    subtract,
+)
+from companion.messages import Mat3, ObservationSource, PadBeacon, PadBearing, PadObservation, Quaternion, Vec3
+
+YAW_SIGMA_FLOOR_RAD = math.radians(0.5)
+
+
+@dataclass(frozen=True, slots=True)
+class CameraPose:
+    """The camera when the frame was taken: p_OC, q_OC and the vehicle's velocity in O."""
+
+    position_o_m: Vec3
+    q_ned_camera: Quaternion
+    velocity_m_s: Vec3
+
+
+@dataclass(frozen=True, slots=True)
+class PadMeasurement:
+    """One measurement. What it does not carry is None. Angles are about NED axes, rad."""
+
+    t_ns: int
+    source: ObservationSource
+    position_o_m: Vec3 | None = None
+    covariance_m2: Mat3 | None = None
+    systematic_sigma_m: float = 0.0
+    bias_sigma_m: float = 0.0
+    velocity_m_s: Vec3 | None = None
+    velocity_sigma_m_s: float = 0.3
+    yaw_rad: float | None = None
+    yaw_sigma_rad: float = math.radians(2.0)
+    yaw_rate_rad_s: float | None = None
+    yaw_rate_sigma_rad_s: float = 0.1
+    roll_rad: float | None = None
+    pitch_rad: float | None = None
+    tilt_sigma_rad: float = math.radians(1.0)
+    bearing_o: Vec3 | None = None
+    bearing_sigma_rad: float = 0.01
+    camera: CameraPose | None = None
+    height_o_m: float | None = None
+    height_sigma_m: float = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleErrors:
+    """How far the autopilot's own estimate may be off, as standard deviations (measured on a real PX4 by default)."""
+
+    tilt_rad: float = math.radians(1.2)
+    yaw_rad: float = math.radians(3.0)
+    velocity_m_s: float = 0.3
+
+
+def measurement_from_observation(
+    observation: PadObservation, vehicle: VehiclePose, X_BC: Transform, errors: VehicleErrors
+) -> PadMeasurement:
+    """X_OP = X_OB X_BC X_CP at capture time, with the covariance turned into O."""
+    X_OC = Transform(q=vehicle.q_ned_frd, p=vehicle.position_o_m) @ X_BC
+    p_OP = X_OC.point(observation.pad_position_camera_m)
+    q_CP = observation.q_camera_pad
+    angles = None if q_CP is None else euler_from_quaternion(quaternion_multiply(X_OC.q, q_CP))
+    return PadMeasurement(
+        t_ns=observation.t_ns,
+        source=ObservationSource.VISION_POSE,
+        position_o_m=p_OP,
+        covariance_m2=rotated_covariance(matrix_from_quaternion(X_OC.q), observation.position_covariance_m2),
+        systematic_sigma_m=systematic_sigma_m(subtract(p_OP, vehicle.position_o_m), errors),
+        yaw_rad=None if angles is None else angles[2],
+        yaw_sigma_rad=_yaw_sigma(observation),
+        roll_rad=None if angles is None else angles[0],
+        pitch_rad=None if angles is None else angles[1],
+        tilt_sigma_rad=_tilt_sigma(observation),
+    )
+
+
+def measurement_from_bearing(
+    bearing: PadBearing, vehicle: VehiclePose, X_BC: Transform, errors: VehicleErrors
+) -> PadMeasurement:
+    """Direction of the pad in O and where it was seen from."""
+    X_OC = Transform(q=vehicle.q_ned_frd, p=vehicle.position_o_m) @ X_BC
+    return PadMeasurement(
+        t_ns=bearing.t_ns,
+        source=ObservationSource.VISION_BEARING,
+        bearing_o=rotate(X_OC.q, bearing.bearing_camera),
+        bearing_sigma_rad=math.hypot(bearing.sigma_rad, 0.3 * errors.tilt_rad),
+        camera=CameraPose(X_OC.p, X_OC.q, vehicle.velocity_ned_m_s),
+    )
+
+
+def measurement_from_beacon(
+    beacon: PadBeacon, vehicle: VehiclePose, *, noise_sigma_m: float, errors: VehicleErrors
+) -> PadMeasurement:
+    """W to O with the offset of that moment. The beacon's accuracy is a slowly varying bias; `noise_sigma_m` is the rest.
+
+    Its velocity is the true one, while velocities in O carry the vehicle's velocity error: that is added.
+    """
+    variance = noise_sigma_m * noise_sigma_m
+    return PadMeasurement(
+        t_ns=beacon.t_ns,
+        source=ObservationSource.ODOMETRY if "odom" in beacon.source.lower() else ObservationSource.BEACON,
+        position_o_m=subtract(beacon.position_ned_m, vehicle.offset_m),
+        covariance_m2=((variance, 0.0, 0.0), (0.0, variance, 0.0), (0.0, 0.0, 4.0 * variance)),
+        bias_sigma_m=beacon.position_sigma_m,
+        velocity_m_s=beacon.velocity_ned_m_s,
+        velocity_sigma_m_s=math.hypot(beacon.velocity_sigma_m_s, errors.velocity_m_s),
+        yaw_rad=beacon.yaw_rad,
+        yaw_sigma_rad=math.radians(5.0),
+        yaw_rate_rad_s=beacon.yaw_rate_rad_s,
+    )
+
+
+def measurement_from_range(
+    t_ns: int, distance_m: float, vehicle: VehiclePose, *, sensor_sigma_m: float = 0.05
+) -> PadMeasurement:
+    """Height of what is below the vehicle, from a sensor that looks along body z."""
+    axis = rotate(vehicle.q_ned_frd, (0.0, 0.0, 1.0))
+    return PadMeasurement(
+        t_ns=t_ns,
+        source=ObservationSource.RANGE,
+        height_o_m=add(vehicle.position_o_m, (0.0, 0.0, axis[2] * distance_m))[2],
+        height_sigma_m=sensor_sigma_m + 0.02 * distance_m,
+    )
+
+
+def systematic_sigma_m(p_BP_W: Vec3, errors: VehicleErrors) -> float:
+    """Horizontal error that a wrong attitude makes: tilt acts on the whole range, yaw on the horizontal part."""
+    return math.hypot(errors.tilt_rad * norm(p_BP_W), errors.yaw_rad * math.hypot(p_BP_W[0], p_BP_W[1]))
+
+
+def _yaw_sigma(observation: PadObservation) -> float:
+    covariance = observation.rotation_covariance_rad2
+    if covariance is None:
+        return math.radians(2.0)
+    return max(YAW_SIGMA_FLOOR_RAD, math.sqrt(max(0.0, covariance[2][2])))
+
+
+def _tilt_sigma(observation: PadObservation) -> float:
+    covariance = observation.rotation_covariance_rad2
+    if covariance is None:
+        return math.radians(3.0)
+    return max(YAW_SIGMA_FLOOR_RAD, math.sqrt(max(0.0, covariance[0][0], covariance[1][1])))

@@ -1,0 +1,76 @@
+"""What a motion model is, and the order of the horizontal state that all models share.
+
+    0 x   1 y      pad position in O, m (north, east)
+    2 bx  3 by     beacon bias: beacon reads position + bias, m
+    4 vx  5 vy     velocity, m/s
+    6 ...          what the model adds
+
+The shared part comes first, so that a bank can mix models that add different things.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Protocol
+
+from companion.estimation.kalman import Vector
+
+X, Y, BX, BY, VX, VY = range(6)
+SHARED = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """Horizontal motion as one model sees it: acceleration NED m/s^2 and turn rate rad/s."""
+
+    acceleration_m_s2: tuple[float, float]
+    turn_rate_rad_s: float
+
+
+class MotionModel(Protocol):
+    """Final classes, one a file; they hold settings, never state."""
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def size(self) -> int:
+        """Number of states n."""
+
+    @property
+    def yaw_index(self) -> int | None:
+        """State that is the pad's yaw, if the model has one."""
+
+    @property
+    def turn_index(self) -> int | None:
+        """State that is the turn rate, if the model has one."""
+
+    @property
+    def bias(self) -> BeaconBias: ...
+
+    def added(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Initial mean and variance of the states after the shared ones."""
+
+    def predict(self, x: Vector, P: Vector, dt_s: float) -> None:
+        """Advance mean and covariance in place. `dt_s` >= 0; the model splits long steps itself."""
+
+    def motion(self, x: Vector) -> Motion: ...
+
+
+@dataclass(frozen=True, slots=True)
+class BeaconBias:
+    """First-order Gauss-Markov: `sigma_m` stationary, correlated over `time_s`. Every model predicts it the same way."""
+
+    sigma_m: float = 1.5
+    time_s: float = 60.0
+
+    def decay(self, dt_s: float) -> float:
+        return math.exp(-dt_s / self.time_s)
+
+    def variance_gained(self, dt_s: float) -> float:
+        decay = self.decay(dt_s)
+        return self.sigma_m * self.sigma_m * (1.0 - decay * decay)
+
+
+DEFAULT_BIAS = BeaconBias()

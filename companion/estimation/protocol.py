@@ -1,0 +1,24 @@
+"""What a pad estimator is. Frame O (NED axes, see vehicle_history.py), SI."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from companion.estimation.measurement import PadMeasurement
+from companion.messages import MeasurementVerdict, PadEstimate, Vec3
+
+
+class PadEstimator(Protocol):
+    """Where the pad is, from measurements that may be late and in any order. Deterministic: same calls, same answers."""
+
+    def observe(self, measurement: PadMeasurement) -> MeasurementVerdict:
+        """Fuse a measurement at its time; say whether and why not."""
+
+    def shift_velocity(self, t_ns: int, step_m_s: Vec3) -> None:
+        """The frame's velocity stepped at `t_ns` (estimator reset of the autopilot)."""
+
+    def estimate(self, t_ns: int) -> PadEstimate | None:
+        """State and covariance at any time from the oldest kept measurement on; None when there is no pad."""
+
+    def reset(self) -> None:
+        """Forget everything."""

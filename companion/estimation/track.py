@@ -1,0 +1,376 @@
+"""One pad at one instant: the bank for the horizontal motion, height, yaw, gates and ages. Frame O, NED, SI.
+
+A Track is plain data that `advance` and `fuse` change; `copied` makes the snapshots from which late measurements are worked
+in (filter.py).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from statistics import NormalDist
+
+from companion.estimation import bank, heading, vertical
+from companion.estimation.bank import Member, Mixture, Row
+from companion.estimation.gate import NS, AxisGate, Decision, judge
+from companion.estimation.heading import SteadyHeading
+from companion.estimation.measurement import PadMeasurement
+from companion.estimation.motion import BX, BY, SHARED, VX, VY, Motion, MotionModel, X, Y
+from companion.estimation.vertical import LevelGround
+from companion.geometry import wrap_pi
+from companion.messages import Mat3, MeasurementVerdict, ObservationSource, Vec3
+
+VISION = (ObservationSource.VISION_POSE, ObservationSource.VISION_BEARING)
+BIASED = (ObservationSource.BEACON, ObservationSource.ODOMETRY)
+VARIANCE_FLOOR_M2 = 1e-4
+LEVEL_GROUND = LevelGround()
+STEADY_HEADING = SteadyHeading()
+SHALLOW = 0.1
+"""Bearings flatter than this (sine of elevation) do not meet the pad's height at a usable point."""
+
+
+@dataclass(frozen=True, slots=True)
+class TrackSettings:
+    """What a track is made of. `gate_sigmas` is the gate of one component in standard deviations."""
+
+    models: tuple[MotionModel, ...]
+    probabilities: tuple[float, ...]
+    sojourn_s: float = 4.0
+    gate_sigmas: float = 3.29
+    initial_speed_m_s: float = 5.0
+    ground: LevelGround = LEVEL_GROUND
+    heading: SteadyHeading = STEADY_HEADING
+
+
+def gate_sigmas(probability: float) -> float:
+    """Two-sided gate of a scalar that a true measurement passes with `probability`."""
+    return NormalDist().inv_cdf(0.5 + 0.5 * probability)
+
+
+@dataclass(slots=True)
+class Track:
+    """State at `t_ns`."""
+
+    t_ns: int
+    members: list[Member]
+    height: tuple[list[float], list[float]]
+    yaw: tuple[list[float], list[float]] | None
+    gates: dict[tuple[ObservationSource, str], AxisGate] = field(default_factory=dict)
+    vision_ns: int | None = None
+    beacon_ns: int | None = None
+    systematic_m2: float = 0.0
+    roll_rad: float = 0.0
+    pitch_rad: float = 0.0
+
+    def copied(self) -> Track:
+        return Track(
+            t_ns=self.t_ns,
+            members=bank.copied(self.members),
+            height=(self.height[0][:], self.height[1][:]),
+            yaw=None if self.yaw is None else (self.yaw[0][:], self.yaw[1][:]),
+            gates={key: gate.copied() for key, gate in self.gates.items()},
+            vision_ns=self.vision_ns,
+            beacon_ns=self.beacon_ns,
+            systematic_m2=self.systematic_m2,
+            roll_rad=self.roll_rad,
+            pitch_rad=self.pitch_rad,
+        )
+
+
+# ------------------------------------------------------------------------------------------------------------- start
+
+
+def started(settings: TrackSettings, m: PadMeasurement) -> Track | None:
+    """A track from its first measurement, which must hold a position; None otherwise."""
+    if m.position_o_m is None or m.covariance_m2 is None:
+        return None
+    shared = _first_state(settings, m, m.position_o_m, m.covariance_m2)
+    bias2 = m.bias_sigma_m**2
+    variance = m.covariance_m2[2][2] + m.systematic_sigma_m**2 * 0.05 + bias2 + VARIANCE_FLOOR_M2
+    track = Track(
+        t_ns=m.t_ns,
+        members=bank.start(settings.models, settings.probabilities, shared),
+        height=settings.ground.start(m.position_o_m[2], variance),
+        yaw=None,
+    )
+    if m.source in BIASED:
+        _tie_height_bias(track, bias2)
+    _take_yaw(settings, track, m)
+    _take_turn_rate(track, m)
+    _note(track, m)
+    return track
+
+
+def _first_state(settings: TrackSettings, m: PadMeasurement, z: Vec3, R: Mat3) -> Mixture:
+    """Shared state: the first position, and either its bias tied to it (beacon) or a bias not yet seen (vision)."""
+    P = [0.0] * (SHARED * SHARED)
+    bias2 = m.bias_sigma_m**2 if m.source in BIASED else 0.0
+    for p, b, axis in ((X, BX, 0), (Y, BY, 1)):
+        P[p * SHARED + p] = R[axis][axis] + VARIANCE_FLOOR_M2 + bias2
+        P[p * SHARED + b] = P[b * SHARED + p] = -bias2
+        P[b * SHARED + b] = bias2 if bias2 > 0.0 else settings.models[0].bias.sigma_m ** 2
+    v = m.velocity_m_s if m.velocity_m_s is not None else (0.0, 0.0, 0.0)
+    variance = (settings.initial_speed_m_s if m.velocity_m_s is None else m.velocity_sigma_m_s) ** 2
+    P[VX * SHARED + VX] = P[VY * SHARED + VY] = variance
+    return Mixture([z[0], z[1], 0.0, 0.0, v[0], v[1]], P, Motion((0.0, 0.0), 0.0))
+
+
+def _tie_height_bias(track: Track, bias2: float) -> None:
+    P = track.height[1]
+    P[2] = P[6] = -bias2
+    P[8] = bias2
+
+
+# ------------------------------------------------------------------------------------------------------------ advance
+
+
+def advance(settings: TrackSettings, track: Track, t_ns: int, *, mixing: bool = True) -> None:
+    """Predict to `t_ns` (not before the track's time). `mixing` belongs to measurements; a look ahead does without."""
+    dt_s = (t_ns - track.t_ns) / NS
+    if dt_s <= 0.0:
+        return
+    if mixing:
+        bank.mix(track.members, dt_s, settings.sojourn_s)
+    bank.predict(track.members, dt_s)
+    settings.ground.predict(*track.height, dt_s)
+    if track.yaw is not None:
+        settings.heading.predict(*track.yaw, dt_s)
+    track.t_ns = t_ns
+
+
+def shift_velocity(track: Track, step_m_s: Vec3) -> None:
+    """The autopilot's velocity estimate stepped, and with it the frame."""
+    bank.shift_velocity(track.members, (step_m_s[0], step_m_s[1]))
+    track.height[0][vertical.VZ] += step_m_s[2]
+
+
+# --------------------------------------------------------------------------------------------------------------- fuse
+
+
+def fuse(settings: TrackSettings, track: Track, m: PadMeasurement) -> MeasurementVerdict:
+    """Fuse a measurement of the track's own time, component by component, and say what became of it."""
+    if m.bearing_o is not None:
+        pseudo = _position_from_bearing(track, m)
+        if pseudo is None:
+            return MeasurementVerdict(m.t_ns, m.source, accepted=False, reason="bearing too flat for the pad's height")
+        m = pseudo
+    now = bank.combined(track.members)
+    verdict = _fuse_position(settings, track, m, now)
+    _fuse_velocity(settings, track, m)
+    _take_yaw(settings, track, m)
+    _take_turn_rate(track, m)
+    if verdict.accepted:
+        _note(track, m)
+    return verdict
+
+
+def _fuse_position(settings: TrackSettings, track: Track, m: PadMeasurement, now: Mixture) -> MeasurementVerdict:
+    innovation: list[float] = []
+    nis, kept, outcomes = 0.0, 0, []
+    if m.position_o_m is not None and m.covariance_m2 is not None:
+        rows = _rows(m, m.position_o_m, m.covariance_m2)
+        nis, decisions, innovation = _judge_horizontal(settings, track, m, rows, now)
+        outcomes += list(zip(("north", "east"), decisions, strict=True))
+        _update_horizontal(track, m, rows, decisions, innovation, m.covariance_m2[0][1])
+    height, R = _measured_height(m)
+    if height is not None:
+        y, s, decision = _fuse_height(settings, track, m, height, R)
+        innovation.append(y)
+        nis += y * y / s
+        outcomes.append(("down", decision))
+    kept = sum(decision is not Decision.REJECT for _, decision in outcomes)
+    return MeasurementVerdict(
+        m.t_ns, m.source, kept > 0 or not outcomes, _reason(outcomes), nis=nis, innovation=tuple(innovation)
+    )
+
+
+def _reason(outcomes: Sequence[tuple[str, Decision]]) -> str:
+    """In words: 'fused', or what was not plain about it."""
+    rejected = [axis for axis, decision in outcomes if decision is Decision.REJECT]
+    reacquired = [axis for axis, decision in outcomes if decision is Decision.REACQUIRE]
+    parts = ["outside gate: " + ", ".join(rejected)] if rejected else []
+    parts += ["reacquired: " + ", ".join(reacquired)] if reacquired else []
+    return "; ".join(parts) or "fused"
+
+
+def _rows(m: PadMeasurement, z: Vec3, R: Mat3) -> tuple[Row, Row]:
+    if m.source in BIASED:
+        return (
+            Row(((X, 1.0), (BX, 1.0)), z[0], R[0][0] + VARIANCE_FLOOR_M2),
+            Row(((Y, 1.0), (BY, 1.0)), z[1], R[1][1] + VARIANCE_FLOOR_M2),
+        )
+    return bank.position_rows((z[0], z[1]), (R[0][0] + VARIANCE_FLOOR_M2, R[1][1] + VARIANCE_FLOOR_M2))
+
+
+def _gate(track: Track, source: ObservationSource, axis: str) -> AxisGate:
+    return track.gates.setdefault((source, axis), AxisGate())
+
+
+def _judge_horizontal(
+    settings: TrackSettings, track: Track, m: PadMeasurement, rows: tuple[Row, Row], now: Mixture
+) -> tuple[float, list[Decision], list[float]]:
+    """NIS of the pair, one decision an axis, the innovation."""
+    y = [row.residual(now.x) for row in rows]
+    S = [row.variance(now.P, SHARED) for row in rows]
+    slack = 0.1 * m.systematic_sigma_m**2
+    gates = [_gate(track, m.source, axis) for axis in ("north", "east")]
+    both = all(gate.rejected_since_ns is not None for gate in gates)
+    decisions = [
+        judge(
+            gates[k],
+            t_ns=m.t_ns,
+            y=y[k],
+            S=S[k] + slack,
+            R=rows[k].R,
+            limit=settings.gate_sigmas,
+            both_axes=both,
+        )
+        for k in range(2)
+    ]
+    R_xy = 0.0 if m.covariance_m2 is None else m.covariance_m2[0][1]
+    cross = R_xy + sum(ci * cj * now.P[i * SHARED + j] for i, ci in rows[0].terms for j, cj in rows[1].terms)
+    det = S[0] * S[1] - cross * cross
+    nis = (y[0] * y[0] * S[1] - 2.0 * y[0] * y[1] * cross + y[1] * y[1] * S[0]) / det
+    return nis, decisions, y
+
+
+def _update_horizontal(
+    track: Track,
+    m: PadMeasurement,
+    rows: tuple[Row, Row],
+    decisions: Sequence[Decision],
+    y: Sequence[float],
+    covariance: float,
+) -> None:
+    """Reacquired axes are trusted less first; what is rejected is left out; what is left is fused."""
+    doubted = (BX, BY) if m.source in BIASED else (X, Y)
+    for axis in range(2):
+        if decisions[axis] is Decision.REACQUIRE:
+            for member in track.members:
+                n, i = member.model.size, doubted[axis]
+                member.P[i * n + i] += y[axis] * y[axis]
+    kept = [row for row, decision in zip(rows, decisions, strict=True) if decision is not Decision.REJECT]
+    if len(kept) == 2 and m.source not in BIASED:
+        kept = list(bank.decorrelated(kept[0], kept[1], covariance))
+    if kept:
+        bank.update(track.members, kept)
+
+
+def _measured_height(m: PadMeasurement) -> tuple[float | None, float]:
+    if m.height_o_m is not None:
+        return m.height_o_m, m.height_sigma_m**2
+    if m.position_o_m is None or m.covariance_m2 is None or m.source is ObservationSource.VISION_BEARING:
+        return None, 1.0
+    return m.position_o_m[2], m.covariance_m2[2][2] + VARIANCE_FLOOR_M2
+
+
+def _fuse_height(
+    settings: TrackSettings, track: Track, m: PadMeasurement, height: float, R: float
+) -> tuple[float, float, Decision]:
+    x, P = track.height
+    biased = m.source in BIASED
+    y = height - x[vertical.Z] - (x[vertical.BZ] if biased else 0.0)
+    S = vertical.height_variance(P, R, biased=biased)
+    gate = _gate(track, m.source, "down")
+    decision = judge(gate, t_ns=m.t_ns, y=y, S=S, R=R, limit=settings.gate_sigmas)
+    if decision is Decision.REACQUIRE:
+        P[8 if biased else 0] += y * y
+    if decision is not Decision.REJECT:
+        vertical.update_height(x, P, height, R, biased=biased)
+    return y, S, decision
+
+
+def _fuse_velocity(settings: TrackSettings, track: Track, m: PadMeasurement) -> None:
+    """The carrier's own speed over ground, gated axis by axis."""
+    if m.velocity_m_s is None:
+        return
+    R = m.velocity_sigma_m_s**2
+    now = bank.combined(track.members)
+    rows = [Row(((VX, 1.0),), m.velocity_m_s[0], R), Row(((VY, 1.0),), m.velocity_m_s[1], R)]
+    limit2 = settings.gate_sigmas**2
+    kept = [row for row in rows if row.residual(now.x) ** 2 <= limit2 * row.variance(now.P, SHARED)]
+    if kept:
+        bank.update(track.members, kept)
+
+
+def _take_yaw(settings: TrackSettings, track: Track, m: PadMeasurement) -> None:
+    """Yaw goes to the heading filter and to the models that turn with it. A flipped yaw is kept out by its gate."""
+    if m.roll_rad is not None and m.pitch_rad is not None:
+        track.roll_rad, track.pitch_rad = m.roll_rad, m.pitch_rad
+    if m.yaw_rad is None:
+        return
+    R = m.yaw_sigma_rad**2
+    if track.yaw is None:
+        track.yaw = settings.heading.start(m.yaw_rad, R)
+        _set_yaw(track, m.yaw_rad, R)
+        return
+    x, P = track.yaw
+    y = wrap_pi(m.yaw_rad - x[heading.YAW])
+    gate = _gate(track, m.source, "yaw")
+    decision = judge(gate, t_ns=m.t_ns, y=y, S=P[0] + R, R=R, limit=settings.gate_sigmas)
+    if decision is Decision.REACQUIRE:
+        track.yaw = settings.heading.start(m.yaw_rad, R)
+        _set_yaw(track, m.yaw_rad, R)
+    elif decision is Decision.ACCEPT:
+        heading.update_yaw(x, P, m.yaw_rad, R)
+        for member in track.members:
+            index = member.model.yaw_index
+            if index is not None:
+                bank.update_own(member, index, wrap_pi(m.yaw_rad - member.x[index]), R)
+
+
+def _set_yaw(track: Track, yaw_rad: float, variance: float) -> None:
+    """The yaw state of a turning model starts anew; what it says of the turn rate stays."""
+    for member in track.members:
+        index = member.model.yaw_index
+        if index is not None:
+            n = member.model.size
+            member.x[index] = yaw_rad
+            for i in range(n):
+                member.P[index * n + i] = member.P[i * n + index] = 0.0
+            member.P[index * n + index] = variance
+
+
+def _take_turn_rate(track: Track, m: PadMeasurement) -> None:
+    if m.yaw_rate_rad_s is None:
+        return
+    R = m.yaw_rate_sigma_rad_s**2
+    if track.yaw is not None:
+        heading.update_rate(*track.yaw, m.yaw_rate_rad_s, R)
+    for member in track.members:
+        index = member.model.turn_index
+        if index is not None:
+            bank.update_own(member, index, m.yaw_rate_rad_s - member.x[index], R)
+
+
+def _note(track: Track, m: PadMeasurement) -> None:
+    if m.source in VISION:
+        track.vision_ns = m.t_ns
+        track.systematic_m2 = m.systematic_sigma_m**2
+    elif m.source in BIASED:
+        track.beacon_ns = m.t_ns
+
+
+def _position_from_bearing(track: Track, m: PadMeasurement) -> PadMeasurement | None:
+    """Where the line of sight meets the pad's height: a position whose covariance is long along the line of sight."""
+    if m.bearing_o is None or m.camera is None:
+        return None
+    dx, dy, dz = m.bearing_o
+    c = m.camera.position_o_m
+    drop = track.height[0][vertical.Z] - c[2]
+    if dz < SHALLOW or drop <= 0.0:
+        return None
+    distance = drop / dz
+    across = (distance * m.bearing_sigma_rad) ** 2
+    along = across / (dz * dz) + track.height[1][0] * (dx * dx + dy * dy) / (dz * dz)
+    flat = math.hypot(dx, dy)
+    ux, uy = (dx / flat, dy / flat) if flat > 1e-9 else (1.0, 0.0)
+    xy = (along - across) * ux * uy
+    covariance = (
+        (across + (along - across) * ux * ux, xy, 0.0),
+        (xy, across + (along - across) * uy * uy, 0.0),
+        (0.0, 0.0, 1.0),
+    )
+    position = (c[0] + distance * dx, c[1] + distance * dy, track.height[0][vertical.Z])
+    return PadMeasurement(t_ns=m.t_ns, source=m.source, position_o_m=position, covariance_m2=covariance)

@@ -1,0 +1,136 @@
+"""From the messages of the pipeline to the pad in W: vehicle history, conversion to frame O, the chosen filter, and back.
+
+The whole of estimation for a caller: give it every VehicleState, PadObservation, PadBearing, PadBeacon and
+RangeMeasurement, and ask where the pad is. Results are in W (NED) with the offset of the *latest* vehicle state, so
+`pad - vehicle` in W is the same difference as in O: the autopilot's position corrections and resets cancel in it.
+Called by pipeline.py.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from companion.config import Camera, Estimation, Pad
+from companion.estimation.filter import moved
+from companion.estimation.measurement import (
+    PadMeasurement,
+    VehicleErrors,
+    measurement_from_beacon,
+    measurement_from_bearing,
+    measurement_from_observation,
+    measurement_from_range,
+)
+from companion.estimation.protocol import PadEstimator
+from companion.estimation.vehicle_history import VehicleHistory, VehiclePose, VehicleReset
+from companion.geometry import (
+    Q_FRD_CAMERA_DOWN,
+    Transform,
+    quaternion_from_euler,
+    quaternion_multiply,
+    quaternion_normalized,
+)
+from companion.messages import (
+    MeasurementVerdict,
+    ObservationSource,
+    PadBeacon,
+    PadBearing,
+    PadEstimate,
+    PadObservation,
+    RangeMeasurement,
+    VehicleState,
+)
+
+PadSight = PadObservation | PadBearing | PadBeacon | RangeMeasurement
+SOURCES: dict[type, ObservationSource] = {
+    PadObservation: ObservationSource.VISION_POSE,
+    PadBearing: ObservationSource.VISION_BEARING,
+    PadBeacon: ObservationSource.BEACON,
+    RangeMeasurement: ObservationSource.RANGE,
+}
+
+
+def camera_mount(camera: Camera) -> Transform:
+    """X_BC from the configuration: `mount_deg` turns a camera that looks straight down."""
+    roll, pitch, yaw = (math.radians(angle) for angle in camera.mount_deg)
+    q = quaternion_multiply(quaternion_from_euler(roll, pitch, yaw), Q_FRD_CAMERA_DOWN)
+    return Transform(q=quaternion_normalized(q), p=camera.position_frd_m)
+
+
+class PadTracker:
+    """One pad, one vehicle."""
+
+    def __init__(self, config: Estimation, pad: Pad, cameras: Mapping[str, Camera], estimator: PadEstimator) -> None:
+        self._config = config
+        self._pad = pad
+        self._mounts = {name: camera_mount(camera) for name, camera in cameras.items()}
+        self._errors = VehicleErrors(
+            tilt_rad=math.radians(config.vehicle_tilt_sigma_deg),
+            yaw_rad=math.radians(config.vehicle_yaw_sigma_deg),
+            velocity_m_s=config.vehicle_velocity_sigma_m_s,
+        )
+        self._estimator = estimator
+        self.history = VehicleHistory(config.history_s)
+
+    def add_vehicle_state(self, state: VehicleState) -> VehicleReset | None:
+        """Take the vehicle's state; a reset of the autopilot's estimator that it shows is passed on and returned."""
+        reset = self.history.add(state)
+        if reset is not None:
+            self._estimator.shift_velocity(reset.t_ns, reset.velocity_step_m_s)
+        return reset
+
+    def observe(self, message: PadSight) -> MeasurementVerdict | None:
+        """Fuse one message at the time it was true. None where there is nothing to judge (no reading, not over the pad)."""
+        vehicle = self.history.at(message.t_ns)
+        if vehicle is None:
+            return _refused(message, "no vehicle state at that time")
+        if isinstance(message, RangeMeasurement):
+            return self._observe_range(message, vehicle)
+        measurement = self._measurement(message, vehicle)
+        if measurement is None:
+            return _refused(message, "unknown camera")
+        return self._estimator.observe(measurement)
+
+    def estimate(self, t_ns: int) -> PadEstimate | None:
+        """The pad in W at `t_ns`, now or ahead."""
+        estimate = self._estimator.estimate(t_ns)
+        vehicle = self.history.latest
+        return None if estimate is None or vehicle is None else moved(estimate, vehicle.offset_m)
+
+    def reset(self) -> None:
+        """Forget the pad, not the vehicle."""
+        self._estimator.reset()
+
+    def _measurement(
+        self, message: PadObservation | PadBearing | PadBeacon, vehicle: VehiclePose
+    ) -> PadMeasurement | None:
+        if isinstance(message, PadBeacon):
+            noise = self._config.beacon_noise_sigma_m
+            return measurement_from_beacon(message, vehicle, noise_sigma_m=noise, errors=self._errors)
+        mount = self._mounts.get(message.camera)
+        if mount is None:
+            return None
+        if isinstance(message, PadBearing):
+            return measurement_from_bearing(message, vehicle, mount, self._errors)
+        return measurement_from_observation(message, vehicle, mount, self._errors)
+
+    def _observe_range(self, message: RangeMeasurement, vehicle: VehiclePose) -> MeasurementVerdict | None:
+        """The range sensor tells of the deck only while the vehicle is surely above it."""
+        distance = message.distance_m
+        if distance is None or not message.min_distance_m <= distance <= message.max_distance_m:
+            return None
+        estimate = self._estimator.estimate(message.t_ns)
+        if estimate is None or not self._is_above(estimate, vehicle):
+            return None
+        return self._estimator.observe(measurement_from_range(message.t_ns, distance, vehicle))
+
+    def _is_above(self, estimate: PadEstimate, vehicle: VehiclePose) -> bool:
+        offset = math.hypot(
+            estimate.position_ned_m[0] - vehicle.position_o_m[0], estimate.position_ned_m[1] - vehicle.position_o_m[1]
+        )
+        half = 0.5 * min(self._pad.length_m, self._pad.width_m)
+        return offset + 2.0 * estimate.position_sigma_m < half
+
+
+def _refused(message: PadSight, reason: str) -> MeasurementVerdict:
+    return MeasurementVerdict(message.t_ns, SOURCES[type(message)], accepted=False, reason=reason)
