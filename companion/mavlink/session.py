@@ -314,7 +314,8 @@ class Session:
 
     def _on_current_mode(self, message: dialect.CurrentMode, now_ns: int) -> None:
         self._commander.current_mode_seen = True
-        self._status.current_mode(message)
+        self._status.current_mode(message, now_ns)
+        self._report_due_ns = now_ns  # every mode report is passed on: its age decides whether setpoints may be sent
         self._commander.mode_seen(self._status.mode, self._status.intended_mode, now_ns)
 
     def _on_ack(self, message: dialect.CommandAck, now_ns: int) -> None:
@@ -377,7 +378,7 @@ class Session:
             self._connected = False
 
     def _report_status(self, now_ns: int) -> None:
-        report = self._status.report(now_ns, connected=self._connected, link_age_s=self._link_age_s(now_ns))
+        report = self._status.report(connected=self._connected, link_age_s=self._link_age_s(now_ns))
         changed = self._reported is None or not same_but_for_age(report, self._reported)
         if (changed and self._heard_ns is not None) or now_ns >= self._report_due_ns:
             self._reported = report

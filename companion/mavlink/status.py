@@ -41,16 +41,19 @@ class StatusTracker:
     ready_to_arm: bool | None = None
     battery_fraction: float | None = None
     home_position_ned_m: Vec3 | None = None
+    mode_heard_ns: int = 0
     _armed_held_until_ns: int = 0
     _battery_is_detailed: bool = False
 
     def heartbeat(self, message: Heartbeat, now_ns: int) -> None:
+        self.mode_heard_ns = now_ns
         self.mode = mode_from_custom(message.custom_mode)
         self.system_status = message.system_status
         if now_ns >= self._armed_held_until_ns:
             self.armed = bool(message.base_mode & ARMED_FLAG)
 
-    def current_mode(self, message: CurrentMode) -> None:
+    def current_mode(self, message: CurrentMode, now_ns: int) -> None:
+        self.mode_heard_ns = now_ns
         self.mode = mode_from_custom(message.custom_mode)
         intended = message.intended_custom_mode
         self.intended_mode = mode_from_custom(intended) if intended else None
@@ -87,9 +90,10 @@ class StatusTracker:
         overridden = self.armed and self.intended_mode is not None and self.intended_mode is not self.mode
         return self.system_status >= CRITICAL or overridden
 
-    def report(self, now_ns: int, *, connected: bool, link_age_s: float) -> VehicleStatus:
+    def report(self, *, connected: bool, link_age_s: float) -> VehicleStatus:
+        """`t_ns` is when the mode was last reported, so that its age says how old this knowledge is."""
         return VehicleStatus(
-            t_ns=now_ns,
+            t_ns=self.mode_heard_ns,
             connected=connected,
             armed=self.armed,
             mode=self.mode,
