@@ -142,6 +142,9 @@ class Planning(_Section, frozen=True):
     approach_speed_m_s: NonNegative = 0.2
     switch_distance_m: NonNegative = 0.1
     duration_weight: NonNegative = 0.0
+    snap_threshold_m: Positive = 2.0
+    snap_rounds: Annotated[int, Meta(ge=0, le=12)] = 4
+    snap_split: Literal["all", "worst"] = "all"
 
 
 class Control(_Section, frozen=True):

@@ -6,11 +6,13 @@ point operations, so that both give the same decisions. Machine code is cached b
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
+numba: Any
 try:
-    import numba
+    numba = importlib.import_module("numba")
 except ImportError:  # the extra is optional
     numba = None
 
