@@ -7,7 +7,9 @@ this is the only file that knows pymavlink, and it imports it only then. NaN and
 
 from __future__ import annotations
 
+import functools
 import math
+import re
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -27,7 +29,7 @@ _HEADER_V2 = struct.Struct("<BBBBBBBHB")  # magic, length, incompatible, compati
 
 @dataclass(frozen=True, slots=True)
 class Definition:
-    """How one message lies on the wire. `arrays` are (first, end) of array fields among the struct's values."""
+    """How one message lies on the wire; fields in wire order, `array_lengths` 0 for scalars and strings."""
 
     message_id: int
     name: str
@@ -179,7 +181,7 @@ def _definition(kind: type[WireMessage], number_of: int, layout_format: str, crc
     lengths = _array_lengths(layout_format)
     return Definition(
         message_id=number_of,
-        name=kind.__name__,
+        name=re.sub(r"(?<!^)(?=[A-Z])", "_", kind.__name__).upper(),
         layout=struct.Struct(layout_format),
         crc_extra=crc_extra,
         fields=kind._fields,
@@ -191,3 +193,46 @@ def _definition(kind: type[WireMessage], number_of: int, layout_format: str, crc
 
 BY_TYPE: dict[type, Definition] = {row[0]: _definition(*row) for row in dialect.TABLE}
 DEFINITIONS: dict[int, Definition] = {definition.message_id: definition for definition in BY_TYPE.values()}
+
+# PX4 sends these, pymavlink's dialects lack them: only logs are read with them.
+_NOT_IN_PYMAVLINK = (
+    (
+        "LINK_NODE_STATUS",
+        8,
+        "<QIIIIIHHHBB",
+        117,
+        "timestamp tx_rate rx_rate messages_sent messages_received messages_lost rx_parse_err tx_overflows "
+        "rx_overflows tx_buf rx_buf",
+    ),
+    (
+        "TIME_ESTIMATE_TO_TARGET",
+        380,
+        "<iiiii",
+        232,
+        "safe_return land mission_next_item mission_end commanded_action",
+    ),
+    ("CURRENT_EVENT_SEQUENCE", 411, "<HB", 106, "sequence flags"),
+)
+
+
+@functools.cache
+def full_dialect() -> dict[int, Definition]:
+    """Every message that pymavlink knows in any dialect, and ours: to read anybody's log. Costs its import, 0.1 s."""
+    from pymavlink.dialects.v20 import all as everything
+
+    definitions = {number_of: _foreign_definition(kind) for number_of, kind in everything.mavlink_map.items()}
+    for name, number_of, layout_format, crc_extra, fields in _NOT_IN_PYMAVLINK:
+        definitions[number_of] = _log_definition(number_of, name, layout_format, crc_extra, tuple(fields.split()))
+    return definitions | DEFINITIONS
+
+
+def _foreign_definition(kind: Any) -> Definition:
+    return _log_definition(kind.id, kind.msgname, kind.unpacker.format, kind.crc_extra, tuple(kind.ordered_fieldnames))
+
+
+def _log_definition(
+    number_of: int, name: str, layout_format: str, crc_extra: int, fields: tuple[str, ...]
+) -> Definition:
+    lengths = _array_lengths(layout_format)
+    layout = struct.Struct(layout_format)
+    return Definition(number_of, name, layout, crc_extra, fields, lengths, make=tuple, has_arrays=any(lengths))
