@@ -145,6 +145,8 @@ class Planning(_Section, frozen=True):
     snap_threshold_m: Positive = 2.0
     snap_rounds: Annotated[int, Meta(ge=0, le=12)] = 4
     snap_split: Literal["all", "worst"] = "all"
+    corridor_half_width_m: Positive = 1.5
+    bezier_ratio: Annotated[float, Meta(gt=0.0, le=1.0)] = 0.5
 
 
 class Control(_Section, frozen=True):

@@ -4,7 +4,7 @@ Bytes and stamped images go in with the time they arrived, bytes and records com
 lockstep runner are the two shells around it; neither adds a decision, so that what is tested is what flies.
 
     receive_datagram(data, now_ns)        a datagram from the link
-    stamped(...) -> CameraImage           a frame, brought to the companion's clock
+    capture_time_ns(...)                  when a frame was taken, on the companion's clock
     hint(camera, t_ns)                    what to expect in a frame taken at t_ns (for the detector, in whatever thread)
     receive(message, now_ns)              an observation, an operator's command
     handle_timers(now_ns), next_timer_ns()
@@ -19,8 +19,6 @@ from typing import Literal
 from companion.config import Config
 from companion.mavlink.session import Session
 from companion.messages import (
-    CameraImage,
-    Image,
     Input,
     Message,
     OperatorAction,
@@ -90,18 +88,16 @@ class Onboard:
         self._journal.append(JournalEntry(self._sequence, now_ns, direction, cause, message))
         return self._sequence
 
-    def stamped(
-        self, camera: str, image: Image, *, sequence: int, capture_boot_us: int | None, arrived_ns: int
-    ) -> CameraImage:
-        """The frame with its capture time on the companion's clock.
+    def capture_time_ns(self, camera: str, *, capture_boot_us: int | None, arrived_ns: int) -> int:
+        """When a frame was taken, on the companion's clock.
 
-        Without a capture stamp, or before the clocks are known to each other, the arrival less the configured delay.
+        Without a capture stamp, or before the clocks are known to each other: its arrival less the configured delay.
         """
-        delay_ns = round(self._cameras[camera].delay_s * 1e9)
-        captured_ns = None
         if capture_boot_us is not None and self._cameras[camera].clock == "autopilot":
             captured_ns = self._session.companion_ns_from_boot_us(capture_boot_us)
-        return CameraImage(arrived_ns - delay_ns if captured_ns is None else captured_ns, camera, image, sequence)
+            if captured_ns is not None:
+                return captured_ns
+        return arrived_ns - round(self._cameras[camera].delay_s * 1e9)
 
     def hint(self, camera: str, t_ns: int) -> DetectionHint | None:
         return self._pipeline.hint(camera, t_ns)

@@ -106,6 +106,11 @@ class Pipeline:
         return self._machine.phase
 
     @property
+    def note(self) -> str:
+        """Why the mission is where it is."""
+        return self._machine.note
+
+    @property
     def go_arounds(self) -> int:
         return self._machine.go_arounds
 

@@ -15,7 +15,7 @@ from typing import Protocol
 from sitl_stub.world import Datagram, Truth, World
 
 from companion.config import Config
-from companion.messages import CommandKind, Image, OperatorAction, PadNotSeen, Phase, VehicleCommand
+from companion.messages import CameraImage, CommandKind, Image, OperatorAction, PadNotSeen, Phase, VehicleCommand
 from companion.onboard import JournalEntry, Onboard
 from companion.vision import DETECTORS, Detector
 from companion.vision.lens import from_config
@@ -163,14 +163,9 @@ class _Flight:
         detector = self._detectors.get(camera)
         if detector is None:
             return
-        frame = self._onboard.stamped(
-            camera,
-            image,
-            sequence=sequence,
-            capture_boot_us=t_capture_us,
-            arrived_ns=self._now_ns,
-        )
-        detection = detector.detect(frame, self._onboard.hint(camera, frame.t_ns))
+        t_ns = self._onboard.capture_time_ns(camera, capture_boot_us=t_capture_us, arrived_ns=self._now_ns)
+        frame = CameraImage(t_ns, camera, image, sequence)
+        detection = detector.detect(frame, self._onboard.hint(camera, t_ns))
         self._frames += 1
         if not isinstance(detection, PadNotSeen):
             self._frames_with_pad += 1

@@ -1,0 +1,323 @@
+"""The live shell: sockets, camera, clock, terminal, files around the onboard program. It decides nothing.
+
+Tasks (one TaskGroup): timers (session deadlines and the 50 Hz tick), one reader per camera, the detector worker (newest
+frame wins; drops are counted), the sinks. Datagrams are handled in the socket's own callback. If any of this fails, nothing is
+sent any more and the autopilot's offboard-loss failsafe acts: no task here re-sends anything.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import gc
+import signal
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
+
+import cv2
+import numpy as np
+from rich.console import Console
+from rich.live import Live
+
+from companion.config import Config
+from companion.io.link import Link
+from companion.io.links import open_link
+from companion.io.mjpeg import CameraError, JpegFrame, frames
+from companion.io.run_folder import RunFolder
+from companion.io.tlog import TlogWriter
+from companion.messages import CameraImage, Health, OperatorAction, PadNotSeen, Phase, VelocitySetpoint
+from companion.onboard import JournalEntry, Onboard
+from companion.telemetry.flight_record import FlightRecord
+from companion.telemetry.live_view import LiveView
+from companion.telemetry.report import report_html
+from companion.vision import DETECTORS, Detection, DetectionHint, Detector
+from companion.vision.lens import from_config
+
+SPIN_NS = 1_000_000
+"""The event loop wakes up to a millisecond late; the last one before a deadline is polled."""
+
+HOLD_GRACE_S = 2.0
+"""After Ctrl-C: time for the request for Hold to be answered."""
+
+LINGER_S = 1.0
+RECONNECT_S = 1.0
+REDRAW_S = 0.15
+
+
+class LiveSink(Protocol):
+    """Somebody who watches; must not block."""
+
+    def datagram(self, now_ns: int, data: bytes, *, outgoing: bool) -> None: ...
+
+    def journal(self, entries: Sequence[JournalEntry]) -> None: ...
+
+    def close(self) -> None: ...
+
+
+@dataclass(slots=True)
+class LiveCounters:
+    """What the shell saw. `setpoint_sent_ns` is kept for the timing report."""
+
+    frames: int = 0
+    frames_with_pad: int = 0
+    frames_dropped: int = 0
+    first_sight_ns: int | None = None
+    setpoint_sent_ns: list[int] = field(default_factory=list)
+
+
+class LiveApp:
+    """One run over real links. `run()` returns when the mission is done, or after Ctrl-C or `stop()`."""
+
+    def __init__(self, config: Config, *, sinks: Sequence[LiveSink], autostart: bool) -> None:
+        self.counters = LiveCounters()
+        self.onboard = Onboard(config, start_ns=time.monotonic_ns())
+        self._config = config
+        self._sinks = sinks
+        self._autostart = autostart
+        self._link: Link | None = None
+        self._stop = asyncio.Event()
+        self._newest: tuple[str, JpegFrame, int] | None = None
+        self._frame_ready = asyncio.Event()
+        self._worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix="vision")
+        camera = config.cameras[config.vision.camera]
+        self._detector: Detector = DETECTORS[config.vision.detector](config.vision, config.pad, from_config(camera))
+
+    @property
+    def period_ns(self) -> int:
+        """Of the control loop."""
+        return round(1e9 / self._config.control.rate_hz)
+
+    def stop(self) -> None:
+        """Ask for an orderly end: Hold first."""
+        self._stop.set()
+
+    async def run(self) -> Phase:
+        """Fly until done; the phase at the end."""
+        cv2.setNumThreads(1)
+        gc.collect()
+        gc.freeze()  # a full collection under load would cost tens of milliseconds of the control loop
+        async with open_link(self._config.link.url, self._on_datagram) as link:
+            self._link = link
+            try:
+                async with asyncio.TaskGroup() as tasks:
+                    background = [
+                        tasks.create_task(self._timers()),
+                        tasks.create_task(self._camera(self._config.vision.camera)),
+                        tasks.create_task(self._detect()),
+                    ]
+                    await self._until_over()
+                    for task in background:
+                        task.cancel()
+            finally:
+                self._link = None
+                self._worker.shutdown(wait=False, cancel_futures=True)
+                for sink in self._sinks:
+                    sink.close()
+        return self.onboard.pipeline.phase
+
+    async def _until_over(self) -> None:
+        started = False
+        while not self._stop.is_set():
+            if self._autostart and not started and self.onboard.session.connected:
+                await asyncio.sleep(1.0)
+                self._operate(OperatorAction.START, "autostart")
+                started = True
+            if self.onboard.pipeline.phase is Phase.DONE:
+                await asyncio.sleep(LINGER_S)
+                return
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(self._stop.wait(), 0.1)
+        if self.onboard.pipeline.phase not in (Phase.IDLE, Phase.DONE):
+            self._operate(OperatorAction.HOLD, "keyboard")
+            await asyncio.sleep(HOLD_GRACE_S)
+
+    def _operate(self, action: OperatorAction, source: str) -> None:
+        self.onboard.operate(action, source, time.monotonic_ns())
+        self._flush()
+
+    # --------------------------------------------------------------------------------------------------- link and time
+
+    def _on_datagram(self, data: bytes) -> None:
+        now_ns = time.monotonic_ns()
+        for sink in self._sinks:
+            sink.datagram(now_ns, data, outgoing=False)
+        self.onboard.receive_datagram(data, now_ns)
+        self._flush()
+
+    async def _timers(self) -> None:
+        while True:
+            await _until(self.onboard.next_timer_ns())
+            self.onboard.handle_timers(time.monotonic_ns())
+            self._flush()
+
+    def _flush(self) -> None:
+        """Send what there is to send, then show what happened."""
+        for data in self.onboard.datagrams_to_send():
+            if self._link is not None:
+                self._link.send(data)
+            now_ns = time.monotonic_ns()
+            for sink in self._sinks:
+                sink.datagram(now_ns, data, outgoing=True)
+        entries = self.onboard.take_journal()
+        if any(isinstance(entry.message, VelocitySetpoint) for entry in entries):
+            self.counters.setpoint_sent_ns.append(time.monotonic_ns())
+        for sink in self._sinks:
+            sink.journal(entries)
+
+    # ---------------------------------------------------------------------------------------------------------- camera
+
+    async def _camera(self, name: str) -> None:
+        """Read frames; reconnect for ever: a camera that comes back is a camera."""
+        url = self._config.cameras[name].source
+        while True:
+            try:
+                async for frame in frames(url):
+                    if self._newest is not None:
+                        self.counters.frames_dropped += 1
+                    self._newest = (name, frame, time.monotonic_ns())
+                    self._frame_ready.set()
+                self._report(Health(time.monotonic_ns(), "camera", 1, f"{url}: the stream ended; trying again"))
+            except CameraError as error:
+                self._report(Health(time.monotonic_ns(), "camera", 1, str(error)))
+            await asyncio.sleep(RECONNECT_S)
+
+    def _report(self, health: Health) -> None:
+        for sink in self._sinks:
+            sink.journal((JournalEntry(0, health.t_ns, "out", None, health),))
+
+    async def _detect(self) -> None:
+        """Newest frame to the worker, its answer to the pipeline."""
+        loop = asyncio.get_running_loop()
+        while True:
+            await self._frame_ready.wait()
+            self._frame_ready.clear()
+            if self._newest is None:
+                continue
+            (name, frame, arrived_ns), self._newest = self._newest, None
+            stamp = self.onboard.capture_time_ns(name, capture_boot_us=frame.capture_boot_us, arrived_ns=arrived_ns)
+            hint = self.onboard.hint(name, stamp)
+            detection = await loop.run_in_executor(self._worker, self._look, name, frame, stamp, hint)
+            self._count(detection)
+            self.onboard.receive(detection, time.monotonic_ns())
+            self._flush()
+
+    def _look(self, name: str, frame: JpegFrame, t_ns: int, hint: DetectionHint | None) -> Detection:
+        """In the worker thread: decompress and search. cv2 releases the interpreter lock in both."""
+        image = cv2.imdecode(np.frombuffer(frame.jpeg, dtype=np.uint8), cv2.IMREAD_UNCHANGED)
+        if image is None:
+            return PadNotSeen(t_ns, name, self._config.vision.detector, "the frame is not a readable JPEG")
+        return self._detector.detect(CameraImage(t_ns, name, np.asarray(image, np.uint8), frame.sequence or 0), hint)
+
+    def _count(self, detection: Detection) -> None:
+        self.counters.frames += 1
+        if not isinstance(detection, PadNotSeen):
+            self.counters.frames_with_pad += 1
+            if self.counters.first_sight_ns is None:
+                self.counters.first_sight_ns = detection.t_ns
+
+
+async def _until(deadline_ns: int) -> None:
+    """Sleep, then poll for the last millisecond, letting the loop do its work in between."""
+    remaining_ns = deadline_ns - time.monotonic_ns()
+    if remaining_ns > SPIN_NS:
+        await asyncio.sleep((remaining_ns - SPIN_NS) / 1e9)
+    while time.monotonic_ns() < deadline_ns:  # noqa: ASYNC110 - an event would wake up late again
+        await asyncio.sleep(0)
+
+
+class FolderSink:
+    """flight.tlog on the wall clock's time, and the record for the report."""
+
+    def __init__(self, folder: RunFolder) -> None:
+        self.record = FlightRecord()
+        self._writer = TlogWriter(folder.tlog)
+        self._wall_minus_monotonic_ns = time.time_ns() - time.monotonic_ns()
+
+    def datagram(self, now_ns: int, data: bytes, *, outgoing: bool) -> None:
+        self._writer.write((now_ns + self._wall_minus_monotonic_ns) // 1000, data)
+
+    def journal(self, entries: Sequence[JournalEntry]) -> None:
+        self.record.add_all(entry.message for entry in entries)
+
+    def close(self) -> None:
+        self._writer.close()
+
+
+class LiveViewSink:
+    """Draws the terminal view at a few hertz."""
+
+    def __init__(self, view: LiveView, live: Live, started: float) -> None:
+        self._view, self._live, self._started, self._drawn = view, live, started, 0.0
+
+    def datagram(self, now_ns: int, data: bytes, *, outgoing: bool) -> None:
+        pass
+
+    def journal(self, entries: Sequence[JournalEntry]) -> None:
+        for entry in entries:
+            self._view.add(entry.message)
+        now = time.monotonic()
+        if now - self._drawn >= REDRAW_S:
+            self._drawn = now
+            self._live.update(self._view.panel(wall_s=now - self._started), refresh=True)
+
+    def close(self) -> None:
+        self._live.update(self._view.panel(wall_s=time.monotonic() - self._started), refresh=True)
+
+
+def run_live(config: Config, *, start: bool, runs: Path, show: bool, console: Console | None = None) -> int:
+    """`companion run`: fly, keep a run folder, say how it ended. 0 where the vehicle stands on the pad, disarmed."""
+    console = console or Console()
+    folder = RunFolder(runs, time.strftime("run-%Y%m%d-%H%M%S"))
+    folder.write_config(config)
+    console.print(
+        f"link {config.link.url}, camera {config.cameras[config.vision.camera].source}, kept in {folder.path}"
+    )
+    app, record, wall_s = drive(config, folder, title="companion run", show=show, console=console, autostart=start)
+    phase = app.onboard.pipeline.phase
+    line = f"{phase}: {app.onboard.pipeline.note}"
+    figures = {
+        "outcome": "landed" if phase is Phase.DONE else "held",
+        "simulated": False,
+        "phase": str(phase),
+        "wall_s": wall_s,
+    }
+    folder.write_run(figures)
+    folder.report.write_text(report_html(record, figures, title="companion run", line=line), encoding="utf-8")
+    console.print(line)
+    return 0 if phase is Phase.DONE else 1
+
+
+def drive(
+    config: Config,
+    folder: RunFolder,
+    *,
+    title: str,
+    show: bool,
+    console: Console,
+    autostart: bool,
+    until: Callable[[LiveApp], Any] | None = None,
+) -> tuple[LiveApp, FlightRecord, float]:
+    """Run the live app with its recorder and view. `until` is a coroutine function that may stop it."""
+    started = time.monotonic()
+    sink = FolderSink(folder)
+    sinks: list[LiveSink] = [sink]
+    with contextlib.ExitStack() as stack:
+        if show:
+            live = stack.enter_context(Live(console=console, auto_refresh=False))
+            sinks.append(LiveViewSink(LiveView(title), live, started))
+
+        async def main() -> LiveApp:
+            app = LiveApp(config, sinks=sinks, autostart=autostart)
+            asyncio.get_running_loop().add_signal_handler(signal.SIGINT, app.stop)
+            watcher = asyncio.create_task(until(app)) if until is not None else None
+            await app.run()
+            if watcher is not None:
+                watcher.cancel()
+            return app
+
+        app = asyncio.run(main())
+    return app, sink.record, time.monotonic() - started
