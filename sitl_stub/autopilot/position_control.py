@@ -1,0 +1,256 @@
+"""Position and velocity loops of PX4's mc_pos_control: from a trajectory setpoint to a thrust vector in W.
+
+Position P with velocity feed-forward; velocity PID whose D acts on the filtered derivative of the measured velocity; the
+sum is an acceleration, which becomes a direction (tilt limited, z decoupled from xy by MPC_ACC_DECOUPLE) and a thrust
+scaled by the hover thrust. Under saturation height wins, but a margin of thrust stays for xy (MPC_THR_XY_MARG); the xy
+integrator unwinds by tracking anti-windup with gain 2/P, the z integrator stops. NaN = not controlled. NED, thrust
+normalised 0..1. Pure functions on flat tuples (numba compiles them); called by cascade.py at 125 Hz.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import acos, cos, hypot, inf, isfinite, nan, radians, sin, sqrt
+from typing import NamedTuple
+
+from sitl_stub.rotation import Quaternion, Vec3
+
+GRAVITY_M_S2 = 9.80665
+_LEAST_THRUST = 1e-3
+
+
+class PositionGains(NamedTuple):
+    """Constants from PX4 parameters."""
+
+    position_xy: float
+    position_z: float
+    p_xy: float
+    i_xy: float
+    d_xy: float
+    p_z: float
+    i_z: float
+    d_z: float
+    horizontal_margin: float
+    decoupled: bool
+
+
+class PositionLimits(NamedTuple):
+    """What may be asked for now; the take-off ramp makes `climb` negative at first."""
+
+    speed_xy: float
+    climb: float
+    descent: float
+    tilt: float
+    thrust_min: float
+    thrust_max: float
+
+
+class Motion(NamedTuple):
+    """Estimated state, or a setpoint's first nine fields: position, velocity, acceleration."""
+
+    x: float
+    y: float
+    z: float
+    vx: float
+    vy: float
+    vz: float
+    ax: float
+    ay: float
+    az: float
+
+
+UNSET_MOTION = Motion(nan, nan, nan, nan, nan, nan, nan, nan, nan)
+
+
+class PositionDemand(NamedTuple):
+    """Result: velocity and acceleration asked for, normalised thrust vector in W, integrator afterwards."""
+
+    vx: float
+    vy: float
+    vz: float
+    ax: float
+    ay: float
+    az: float
+    tx: float
+    ty: float
+    tz: float
+    ix: float
+    iy: float
+    iz: float
+
+
+def position_gains(parameters: Mapping[str, float | int]) -> PositionGains:
+    """Gains by their PX4 names."""
+    p = parameters
+    return PositionGains(
+        p["MPC_XY_P"],
+        p["MPC_Z_P"],
+        p["MPC_XY_VEL_P_ACC"],
+        p["MPC_XY_VEL_I_ACC"],
+        p["MPC_XY_VEL_D_ACC"],
+        p["MPC_Z_VEL_P_ACC"],
+        p["MPC_Z_VEL_I_ACC"],
+        p["MPC_Z_VEL_D_ACC"],
+        p["MPC_THR_XY_MARG"],
+        bool(p["MPC_ACC_DECOUPLE"]),
+    )
+
+
+def is_flyable(setpoint: Motion, state: Motion) -> bool:
+    """PX4's check: every axis controlled somehow, x and y in pairs, and an estimate for what is controlled."""
+    for i in range(3):
+        if not (isfinite(setpoint[i]) or isfinite(setpoint[i + 3]) or isfinite(setpoint[i + 6])):
+            return False
+        if isfinite(setpoint[i]) and not isfinite(state[i]):
+            return False
+        if isfinite(setpoint[i + 3]) and not isfinite(state[i + 3]):
+            return False
+    pairs = (0, 3, 6)
+    return all(isfinite(setpoint[i]) == isfinite(setpoint[i + 1]) for i in pairs)
+
+
+def constrain_xy(x0: float, y0: float, x1: float, y1: float, limit: float) -> tuple[float, float]:
+    """Sum of two vectors with a limited length; the first one has priority, the second is shortened."""
+    x, y = x0 + x1, y0 + y1
+    if hypot(x, y) <= limit:
+        return x, y
+    first = hypot(x0, y0)
+    if first >= limit:
+        return x0 / first * limit, y0 / first * limit
+    second = hypot(x1, y1)
+    if first < 1e-3 or hypot(x1 - x0, y1 - y0) < 1e-3:
+        return x1 / second * limit, y1 / second * limit
+    ux, uy = x1 / second, y1 / second
+    along = ux * x0 + uy * y0
+    reach = -along + sqrt(along * along - first * first + limit * limit)
+    return x0 + ux * reach, y0 + uy * reach
+
+
+def _velocity_demand(sp: Motion, at: Motion, gains: PositionGains, limits: PositionLimits) -> Vec3:
+    """Position P plus feed-forward, limited; the part from position has priority in xy."""
+    px, py, pz = gains.position_xy * (sp.x - at.x), gains.position_xy * (sp.y - at.y), gains.position_z * (sp.z - at.z)
+    if px != px:
+        vx, vy = (sp.vx, sp.vy)
+        if vx == vx:
+            vx, vy = constrain_xy(0.0, 0.0, vx, vy, limits.speed_xy)
+    elif sp.vx != sp.vx:
+        vx, vy = constrain_xy(px, py, 0.0, 0.0, limits.speed_xy)
+    else:
+        vx, vy = constrain_xy(px, py, sp.vx, sp.vy, limits.speed_xy)
+    vz = sp.vz if pz != pz else pz if sp.vz != sp.vz else pz + sp.vz
+    if vz == vz:
+        vz = min(max(vz, -limits.climb), limits.descent)
+    return vx, vy, vz
+
+
+def _thrust_direction(ax: float, ay: float, az: float, decoupled: bool, tilt_max: float) -> Vec3:
+    """Unit vector of B z asked for: against the acceleration, tilted no more than the limit."""
+    bx, by, bz = -ax, -ay, GRAVITY_M_S2 if decoupled else GRAVITY_M_S2 - az
+    length = sqrt(bx * bx + by * by + bz * bz)
+    if length < 1e-6:
+        return 0.0, 0.0, 1.0
+    bx, by, bz = bx / length, by / length, bz / length
+    if bz < cos(tilt_max):
+        tilt = min(acos(min(max(bz, -1.0), 1.0)), tilt_max)
+        flat = hypot(bx, by)
+        if flat < 1e-9:
+            bx, by, flat = 1.0, 0.0, 1.0
+        scale = sin(tilt) / flat
+        return bx * scale, by * scale, cos(tilt)
+    return bx, by, bz
+
+
+def control_position(
+    sp: Motion,
+    at: Motion,
+    integral: Vec3,
+    hover_thrust: float,
+    gains: PositionGains,
+    limits: PositionLimits,
+    dt: float,
+) -> PositionDemand:
+    """One step of both loops. `at.ax..az` is the filtered derivative of the estimated velocity."""
+    vx, vy, vz = _velocity_demand(sp, at, gains, limits)
+    ex, ey, ez = vx - at.vx, vy - at.vy, vz - at.vz
+    ix, iy, iz = integral
+
+    # A velocity that is not controlled leaves the acceleration feed-forward alone, and the other way round.
+    ax = gains.p_xy * ex + ix - gains.d_xy * at.ax
+    ay = gains.p_xy * ey + iy - gains.d_xy * at.ay
+    az = gains.p_z * ez + iz - gains.d_z * at.az
+    ax = sp.ax if ax != ax else ax if sp.ax != sp.ax else ax + sp.ax
+    ay = sp.ay if ay != ay else ay if sp.ay != sp.ay else ay + sp.ay
+    az = sp.az if az != az else az if sp.az != sp.az else az + sp.az
+
+    bx, by, bz = _thrust_direction(ax, ay, az, gains.decoupled, limits.tilt)
+    least = max(limits.thrust_min, _LEAST_THRUST)
+    # A down-looking B z that is level (bz = 0) would need infinite thrust; saturation below cuts it.
+    collective = (hover_thrust - az * hover_thrust / GRAVITY_M_S2) / bz if bz > 0.0 else inf
+    collective = min(max(collective, least), 1e3)
+    tx, ty, tz = -bx * collective, -by * collective, -bz * collective
+
+    if (tz >= -least and ez >= 0.0) or (tz <= -limits.thrust_max and ez <= 0.0):
+        ez = 0.0
+
+    # Height first, with a margin for xy; then what is left for xy.
+    flat = hypot(tx, ty)
+    square = limits.thrust_max * limits.thrust_max
+    reserved = min(flat, gains.horizontal_margin)
+    tz = max(tz, -sqrt(max(square - reserved * reserved, 0.0)))
+    flat_max = sqrt(max(square - tz * tz, 0.0))
+    if flat > flat_max:
+        tx, ty = tx / flat * flat_max, ty / flat * flat_max
+
+    # Tracking anti-windup: feed back what saturation took away, never what it added.
+    scale = GRAVITY_M_S2 / hover_thrust
+    px, py = tx * scale, ty * scale
+    if ax * ax + ay * ay > px * px + py * py:
+        gain = 2.0 / gains.p_xy
+        ex, ey = ex - gain * (ax - px), ey - gain * (ay - py)
+    ix += gains.i_xy * ex * dt if ex == ex else 0.0
+    iy += gains.i_xy * ey * dt if ey == ey else 0.0
+    iz += gains.i_z * ez * dt if ez == ez else 0.0
+    iz = min(max(iz, -GRAVITY_M_S2), GRAVITY_M_S2)
+    return PositionDemand(vx, vy, vz, ax, ay, az, tx, ty, tz, ix, iy, iz)
+
+
+def attitude_from_thrust(tx: float, ty: float, tz: float, yaw_rad: float) -> tuple[Quaternion, float]:
+    """Attitude whose -B z points along the thrust vector, nose at the yaw; and the thrust's length."""
+    length = sqrt(tx * tx + ty * ty + tz * tz)
+    bx, by, bz = (-tx / length, -ty / length, -tz / length) if length > 1e-6 else (0.0, 0.0, 1.0)
+    # B x is perpendicular to B z and to the heading's right-hand direction.
+    cx, cy = -sin(yaw_rad), cos(yaw_rad)
+    x0, x1, x2 = cy * bz, -cx * bz, cx * by - cy * bx
+    norm = sqrt(x0 * x0 + x1 * x1 + x2 * x2)
+    x0, x1, x2 = (x0 / norm, x1 / norm, x2 / norm) if abs(bz) > 1e-6 else (0.0, 0.0, 1.0)
+    if bz < 0.0:
+        x0, x1, x2 = -x0, -x1, -x2
+    y0, y1, y2 = by * x2 - bz * x1, bz * x0 - bx * x2, bx * x1 - by * x0
+    return _quaternion(x0, y0, bx, x1, y1, by, x2, y2, bz), length
+
+
+def _quaternion(
+    r00: float, r01: float, r02: float, r10: float, r11: float, r12: float, r20: float, r21: float, r22: float
+) -> Quaternion:
+    """Unit quaternion of a rotation matrix, from its largest component for accuracy."""
+    trace = r00 + r11 + r22
+    if trace > 0.0:
+        s = sqrt(trace + 1.0)
+        t = 0.5 / s
+        return 0.5 * s, (r21 - r12) * t, (r02 - r20) * t, (r10 - r01) * t
+    if r00 >= r11 and r00 >= r22:
+        s = sqrt(1.0 + r00 - r11 - r22)
+        t = 0.5 / s
+        return (r21 - r12) * t, 0.5 * s, (r01 + r10) * t, (r02 + r20) * t
+    if r11 >= r22:
+        s = sqrt(1.0 + r11 - r00 - r22)
+        t = 0.5 / s
+        return (r02 - r20) * t, (r01 + r10) * t, 0.5 * s, (r12 + r21) * t
+    s = sqrt(1.0 + r22 - r00 - r11)
+    t = 0.5 / s
+    return (r10 - r01) * t, (r02 + r20) * t, (r12 + r21) * t, 0.5 * s
+
+
+def tilt_limit_rad(parameters: Mapping[str, float | int], is_flying: bool) -> float:
+    """MPC_TILTMAX_AIR, or MPC_TILTMAX_LND before and during take-off."""
+    return radians(parameters["MPC_TILTMAX_AIR" if is_flying else "MPC_TILTMAX_LND"])

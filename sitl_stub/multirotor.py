@@ -1,0 +1,255 @@
+"""The multirotor's true motion: rigid body, four rotors with first-order lag, drag against the air.
+
+W local NED, B FRD, SI, plain floats. Integration as in PX4's SIH: velocity by forward Euler, position by trapezoid,
+attitude by the exponential of the old rate, rates by forward Euler; good for steps of 1 to 4 ms. The rotor lag
+tau u' = command - u is integrated the same way. `advance` is a pure function (numba compiles it); `Multirotor` keeps the
+state for the world, which adds contact forces and wind.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import sqrt
+from typing import NamedTuple
+
+from sitl_stub.airframe import Airframe
+from sitl_stub.rotation import Quaternion, Vec3, from_rotation_vector, multiply
+
+GRAVITY_M_S2 = 9.80665
+_MAX_RATE_RAD_S = 6.0 * 3.14159265  # as in SIH
+_ZERO: Vec3 = (0.0, 0.0, 0.0)
+_ALL_WELL = (1.0, 1.0, 1.0, 1.0)
+
+Motors = tuple[float, float, float, float]
+
+
+class BodyState(NamedTuple):
+    """Everything that moves, flat."""
+
+    x: float
+    y: float
+    z: float
+    vx: float
+    vy: float
+    vz: float
+    qw: float
+    qx: float
+    qy: float
+    qz: float
+    p: float
+    q: float
+    r: float
+    u0: float
+    u1: float
+    u2: float
+    u3: float
+
+
+class Body(NamedTuple):
+    """Constants of `advance`, from the airframe."""
+
+    mass: float
+    ixx: float
+    iyy: float
+    izz: float
+    thrust: float
+    torque: float
+    arm_x: float
+    arm_y: float
+    lag: float
+    curve: float
+    drag_x: float
+    drag_y: float
+    drag_z: float
+    drag2_x: float
+    drag2_y: float
+    drag2_z: float
+    damping: float
+
+
+class Loads(NamedTuple):
+    """What acts from outside: velocity of the air in W, force in W, torque in B."""
+
+    wind_x: float
+    wind_y: float
+    wind_z: float
+    fx: float
+    fy: float
+    fz: float
+    tx: float
+    ty: float
+    tz: float
+
+
+@dataclass(slots=True)
+class VehicleTruth:
+    """What is true of the vehicle now. `specific_force_frd_m_s2` is what an ideal accelerometer reads."""
+
+    position_ned_m: Vec3
+    velocity_ned_m_s: Vec3
+    q_ned_frd: Quaternion
+    angular_velocity_frd_rad_s: Vec3
+    specific_force_frd_m_s2: Vec3
+    acceleration_ned_m_s2: Vec3
+    on_surface: bool
+
+
+def body_of(airframe: Airframe) -> Body:
+    """Constants of the motion."""
+    rotors, drag = airframe.rotors, airframe.drag
+    return Body(
+        airframe.mass_kg,
+        *airframe.inertia_kg_m2,
+        rotors.max_thrust_n,
+        rotors.max_torque_nm,
+        rotors.arm_forward_m,
+        rotors.arm_right_m,
+        rotors.time_constant_s,
+        rotors.thrust_curve,
+        *drag.linear_n_s_m,
+        *drag.quadratic_n_s2_m2,
+        drag.angular_nm_s,
+    )
+
+
+def advance(
+    s: BodyState, body: Body, command: Motors, health: Motors, loads: Loads, dt: float
+) -> tuple[BodyState, Vec3]:
+    """One step; returns the new state and the acceleration in W that acted during it (gravity included).
+
+    `command` are the motor commands 0..1, `health` the part of its thrust that each rotor still gives.
+    """
+    lag = dt / body.lag
+    u0 = s.u0 + lag * (command[0] - s.u0)
+    u1 = s.u1 + lag * (command[1] - s.u1)
+    u2 = s.u2 + lag * (command[2] - s.u2)
+    u3 = s.u3 + lag * (command[3] - s.u3)
+    c = body.curve
+    t0 = health[0] * ((1.0 - c) * u0 + c * u0 * u0)
+    t1 = health[1] * ((1.0 - c) * u1 + c * u1 * u1)
+    t2 = health[2] * ((1.0 - c) * u2 + c * u2 * u2)
+    t3 = health[3] * ((1.0 - c) * u3 + c * u3 * u3)
+
+    # R_WB and the air's velocity over the body, in B.
+    w, x, y, z = s.qw, s.qx, s.qy, s.qz
+    r00, r01, r02 = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)
+    r10, r11, r12 = 2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)
+    r20, r21, r22 = 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
+    ax, ay, az = s.vx - loads.wind_x, s.vy - loads.wind_y, s.vz - loads.wind_z
+    bx, by, bz = r00 * ax + r10 * ay + r20 * az, r01 * ax + r11 * ay + r21 * az, r02 * ax + r12 * ay + r22 * az
+    speed = sqrt(bx * bx + by * by + bz * bz)
+
+    # Forces in B (thrust up, drag against the air), then acceleration in W.
+    fx = -bx * (body.drag_x + body.drag2_x * speed)
+    fy = -by * (body.drag_y + body.drag2_y * speed)
+    fz = -bz * (body.drag_z + body.drag2_z * speed) - body.thrust * (t0 + t1 + t2 + t3)
+    m = body.mass
+    accel_x = (r00 * fx + r01 * fy + r02 * fz + loads.fx) / m
+    accel_y = (r10 * fx + r11 * fy + r12 * fz + loads.fy) / m
+    accel_z = (r20 * fx + r21 * fy + r22 * fz + loads.fz) / m + GRAVITY_M_S2
+
+    # Torques in B about the centre of gravity, with Euler's equations.
+    p, q, r = s.p, s.q, s.r
+    tx = body.arm_y * body.thrust * (t1 + t2 - t0 - t3) - body.damping * p + loads.tx
+    ty = body.arm_x * body.thrust * (t0 + t2 - t1 - t3) - body.damping * q + loads.ty
+    tz = body.torque * (t0 + t1 - t2 - t3) - body.damping * r + loads.tz
+    p_dot = (tx - (body.izz - body.iyy) * q * r) / body.ixx
+    q_dot = (ty - (body.ixx - body.izz) * r * p) / body.iyy
+    r_dot = (tz - (body.iyy - body.ixx) * p * q) / body.izz
+
+    nw, nx, ny, nz = multiply((w, x, y, z), from_rotation_vector(p * dt, q * dt, r * dt))
+    scale = 1.0 / sqrt(nw * nw + nx * nx + ny * ny + nz * nz)
+    vx, vy, vz = s.vx + accel_x * dt, s.vy + accel_y * dt, s.vz + accel_z * dt
+    half = 0.5 * dt
+    state = BodyState(
+        s.x + half * (s.vx + vx),
+        s.y + half * (s.vy + vy),
+        s.z + half * (s.vz + vz),
+        vx,
+        vy,
+        vz,
+        nw * scale,
+        nx * scale,
+        ny * scale,
+        nz * scale,
+        min(max(p + p_dot * dt, -_MAX_RATE_RAD_S), _MAX_RATE_RAD_S),
+        min(max(q + q_dot * dt, -_MAX_RATE_RAD_S), _MAX_RATE_RAD_S),
+        min(max(r + r_dot * dt, -_MAX_RATE_RAD_S), _MAX_RATE_RAD_S),
+        u0,
+        u1,
+        u2,
+        u3,
+    )
+    return state, (accel_x, accel_y, accel_z)
+
+
+class Multirotor:
+    """State of one vehicle's body. `motor_health` (0..1 each) is for faults; `on_surface` is set by the contact model's caller."""
+
+    def __init__(
+        self,
+        airframe: Airframe,
+        position_ned_m: Vec3 = _ZERO,
+        velocity_ned_m_s: Vec3 = _ZERO,
+        q_ned_frd: Quaternion = (1.0, 0.0, 0.0, 0.0),
+        rates_frd_rad_s: Vec3 = _ZERO,
+        motors: Motors = (0.0, 0.0, 0.0, 0.0),
+    ) -> None:
+        self.airframe = airframe
+        self.body = body_of(airframe)
+        self.state = BodyState(*position_ned_m, *velocity_ned_m_s, *q_ned_frd, *rates_frd_rad_s, *motors)
+        self.motor_health: Motors = _ALL_WELL
+        self.on_surface = False
+        self._acceleration_ned_m_s2: Vec3 = (0.0, 0.0, 0.0)
+
+    @property
+    def position_ned_m(self) -> Vec3:
+        return (self.state.x, self.state.y, self.state.z)
+
+    @property
+    def velocity_ned_m_s(self) -> Vec3:
+        return (self.state.vx, self.state.vy, self.state.vz)
+
+    @property
+    def q_ned_frd(self) -> Quaternion:
+        return (self.state.qw, self.state.qx, self.state.qy, self.state.qz)
+
+    @property
+    def rates_frd_rad_s(self) -> Vec3:
+        return (self.state.p, self.state.q, self.state.r)
+
+    @property
+    def motors(self) -> Motors:
+        """Signals of the rotors after their lag."""
+        return (self.state.u0, self.state.u1, self.state.u2, self.state.u3)
+
+    def step(
+        self,
+        dt_s: float,
+        motor_commands: Motors,
+        wind_ned_m_s: Vec3 = _ZERO,
+        external_force_ned_n: Vec3 = _ZERO,
+        external_torque_frd_nm: Vec3 = _ZERO,
+    ) -> None:
+        """Advance by dt_s (1 to 4 ms)."""
+        loads = Loads(*wind_ned_m_s, *external_force_ned_n, *external_torque_frd_nm)
+        self.state, self._acceleration_ned_m_s2 = advance(
+            self.state, self.body, motor_commands, self.motor_health, loads, dt_s
+        )
+
+    def truth(self) -> VehicleTruth:
+        """What is true now, for sensors, scoring and display."""
+        s = self.state
+        ax, ay, az = self._acceleration_ned_m_s2
+        w, x, y, z = s.qw, s.qx, s.qy, s.qz
+        # Specific force: acceleration without gravity, turned into B (conjugate of q_WB).
+        gz = az - GRAVITY_M_S2
+        tx, ty, tz = 2.0 * (z * ay - y * gz), 2.0 * (x * gz - z * ax), 2.0 * (y * ax - x * ay)
+        force = (
+            ax + w * tx - y * tz + z * ty,
+            ay + w * ty - z * tx + x * tz,
+            gz + w * tz - x * ty + y * tx,
+        )
+        return VehicleTruth(
+            (s.x, s.y, s.z), (s.vx, s.vy, s.vz), (w, x, y, z), (s.p, s.q, s.r), force, (ax, ay, az), self.on_surface
+        )
