@@ -45,6 +45,7 @@ class Link(_Section, frozen=True):
     command_attempts: Annotated[int, Meta(ge=1, le=20)] = 5
     lost_after_s: Positive = 2.0
     beacon_sigma_m: Positive = 1.5
+    beacon_clock: Literal["autopilot", "own"] = "autopilot"
     signing_key_file: str | None = None
 
 

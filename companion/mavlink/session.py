@@ -14,7 +14,6 @@ known, with its arrival. Whatever the peer sends, nothing raises: what cannot be
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -22,13 +21,16 @@ from typing import Any
 from companion import config
 from companion.mavlink import codec, dialect, streams
 from companion.mavlink.beacon import BeaconReader, geo_origin
+from companion.mavlink.clocks import Clocks
 from companion.mavlink.codec import finite
 from companion.mavlink.commands import Commander, request_for
 from companion.mavlink.framing import FrameSplitter
 from companion.mavlink.geodesy import GeoOrigin
+from companion.mavlink.parameters import ParameterReader
+from companion.mavlink.signing import Signing
 from companion.mavlink.status import StatusTracker, same_but_for_age
 from companion.mavlink.texts import TextAssembler, event_text
-from companion.mavlink.timesync import ClockQuality, PeerClock
+from companion.mavlink.timesync import ClockQuality
 from companion.mavlink.vehicle import VehicleReader, acceleration_report, range_measurement, thrust_report
 from companion.messages import CommandKind, SensorInput, VehicleCommand, VehicleStatus, VelocitySetpoint
 
@@ -38,11 +40,7 @@ Handlers = dict[type, Handler]
 SECOND_NS = 1_000_000_000
 HEARTBEAT_PERIOD_NS = SECOND_NS
 STATUS_PERIOD_NS = SECOND_NS
-TIMESYNC_FAST_NS = SECOND_NS // 10
-TIMESYNC_SLOW_NS = SECOND_NS // 5
-TIMESYNC_FAST_SAMPLES = 30
-OLDEST_STAMP_NS = SECOND_NS
-"""A stamp further back than this is a wrong clock, not a slow link."""
+PARAMETER_TIMEOUT_NS = SECOND_NS // 2
 
 TYPE_ONBOARD_CONTROLLER, AUTOPILOT_INVALID, STATE_ACTIVE = 18, 8, 4
 FRAME_LOCAL_NED = 1
@@ -59,7 +57,7 @@ class Counters:
     frames_received: int = 0
     frames_of_others: int = 0
     frames_unknown: int = 0
-    frames_invalid: int = 0
+    frames_refused: int = 0
     bytes_skipped: int = 0
     frames_sent: int = 0
     setpoints_sent: int = 0
@@ -70,19 +68,18 @@ class Counters:
 class Session:
     """The companion's end of the link. See the module's docstring for how to drive it."""
 
-    def __init__(self, link: config.Link, start_ns: int) -> None:
+    def __init__(self, link: config.Link, start_ns: int, *, signing: Signing | None = None) -> None:
         self.counters = Counters()
         self._link = link
         self._lost_after_ns = round(link.lost_after_s * SECOND_NS)
         self._splitter = FrameSplitter(codec.frame_is_valid, stream=link.url.startswith(("serial:", "tcp:")))
-        self._clocks: dict[int, PeerClock] = {link.target_system: PeerClock(), link.beacon_system: PeerClock()}
+        self._signing = signing
+        self._clocks = Clocks(link)
         self._streams = streams.StreamRequests(streams.wanted_rates_hz(link.state_rate_hz, link.status_rate_hz))
-        self._commander = Commander(
-            target_system=link.target_system,
-            target_component=link.target_component,
-            timeout_ns=round(link.command_timeout_s * SECOND_NS),
-            attempts=link.command_attempts,
-        )
+        target = {"target_system": link.target_system, "target_component": link.target_component}
+        timeout_ns = round(link.command_timeout_s * SECOND_NS)
+        self._commander = Commander(**target, timeout_ns=timeout_ns, attempts=link.command_attempts)
+        self.parameters = ParameterReader(**target, timeout_ns=PARAMETER_TIMEOUT_NS, attempts=link.command_attempts)
         self._status = StatusTracker()
         self._texts = TextAssembler()
         self._vehicle = VehicleReader()
@@ -94,8 +91,7 @@ class Session:
         self._reported: VehicleStatus | None = None
         self._report_due_ns = start_ns + STATUS_PERIOD_NS
         self._heartbeat_due_ns = start_ns
-        self._timesync_due_ns = start_ns
-        self._timesync_sent_ns: deque[int] = deque(maxlen=16)
+        self._status_touched = False
         self._sequence = 0
         self._outbox: list[bytes] = []
         self._inbox: list[SensorInput] = []
@@ -115,21 +111,19 @@ class Session:
         """Do what is due. May be called at any time and as often as one likes."""
         if now_ns >= self._heartbeat_due_ns:
             self._heartbeat_due_ns = now_ns + HEARTBEAT_PERIOD_NS
-            self._send(dialect.Heartbeat(0, TYPE_ONBOARD_CONTROLLER, AUTOPILOT_INVALID, 0, STATE_ACTIVE))
+            self._send(dialect.Heartbeat(0, TYPE_ONBOARD_CONTROLLER, AUTOPILOT_INVALID, 0, STATE_ACTIVE), now_ns)
         if self._connected:
-            self._ask_time(now_ns)
-            self._ask_streams(now_ns)
+            self._ask(now_ns)
         self._commander.handle_timer(now_ns)
         return self._drain(now_ns)
 
     def next_timer_ns(self) -> int | None:
         """When `handle_timer` is wanted next; never None, a heartbeat is always to come."""
-        due = [self._heartbeat_due_ns, self._report_due_ns]
+        due: list[int | None] = [self._heartbeat_due_ns, self._report_due_ns, self._commander.next_timer_ns()]
         if self._connected and self._heard_ns is not None:
-            due += [self._timesync_due_ns, self._heard_ns + self._lost_after_ns]
-            due += [t for t in (self._streams.next_timer_ns(),) if t is not None]
-        command_ns = self._commander.next_timer_ns()
-        return min(due if command_ns is None else [*due, command_ns])
+            due += [self._heard_ns + self._lost_after_ns, self._clocks.next_timer_ns()]
+            due += [self._streams.next_timer_ns(), self.parameters.next_timer_ns()]
+        return min(t for t in due if t is not None)
 
     def datagrams_to_send(self) -> list[bytes]:
         """Frames to send, oldest first, each a datagram. They are handed out once."""
@@ -148,7 +142,7 @@ class Session:
         if not finite(*numbers, setpoint.yaw_rate_rad_s):
             self.counters.setpoints_not_finite += 1
             return False
-        boot_ns = self._clocks[self._link.target_system].boot_ns(now_ns)
+        boot_ns = self._clocks.boot_ns(now_ns)
         message = dialect.SetPositionTargetLocalNed(
             (boot_ns if boot_ns is not None else now_ns) // 1_000_000 & 0xFFFFFFFF,
             *(0.0, 0.0, 0.0),
@@ -160,7 +154,7 @@ class Session:
             self._link.target_component,
             FRAME_LOCAL_NED,
         )
-        self._send(message)
+        self._send(message, now_ns)
         self.counters.setpoints_sent += 1
         return True
 
@@ -173,7 +167,7 @@ class Session:
             self._commander.refuse(command, "no evidence", now_ns)
         else:
             self._commander.ask(command, request_for(command, self._takeoff_altitude_m(command)), now_ns)
-        self._drain_commands()
+        self._drain_commands(now_ns)
 
     def _takeoff_altitude_m(self, command: VehicleCommand) -> float | None:
         """Metres above sea level; PX4 takes nothing else. None (its own default height) where no altitude is known."""
@@ -184,8 +178,12 @@ class Session:
             return self._origin.altitude_m - state.position_ned_m[2] + command.height_m
         return None if self._altitude_amsl_m is None else self._altitude_amsl_m + command.height_m
 
-    def _send(self, message: dialect.WireMessage) -> None:
-        self._outbox.append(codec.encode(message, self._sequence, self._link.system_id, self._link.component_id))
+    def _send(self, message: dialect.WireMessage, now_ns: int) -> None:
+        link = self._link
+        frame = codec.encode(message, self._sequence, link.system_id, link.component_id)
+        if self._signing is not None:
+            frame = self._signing.signed(frame, codec.BY_TYPE[type(message)].crc_extra, now_ns)
+        self._outbox.append(frame)
         self._sequence = self._sequence + 1 & 0xFF
         self.counters.frames_sent += 1
 
@@ -193,37 +191,27 @@ class Session:
 
     def companion_ns_from_boot_us(self, t_boot_us: int) -> int | None:
         """The companion's time at a time of the autopilot's boot clock; None before the clocks are known."""
-        return self._clocks[self._link.target_system].companion_ns(t_boot_us * 1000)
+        return self._clocks.companion_ns(t_boot_us * 1000)
 
     @property
     def clock(self) -> ClockQuality:
         """How well the autopilot's clock is known."""
-        return self._clocks[self._link.target_system].quality
+        return self._clocks.quality
 
     @property
     def connected(self) -> bool:
         return self._connected
 
-    def _stamp(self, system: int, boot_ns: int, now_ns: int) -> int:
-        """When it was true: mapped, never in the future; the arrival where the mapping is unknown or absurd."""
-        mapped_ns = self._clocks[system].companion_ns(boot_ns)
-        if mapped_ns is None or mapped_ns > now_ns or now_ns - mapped_ns > OLDEST_STAMP_NS:
-            return now_ns
-        return mapped_ns
-
-    def _ask_time(self, now_ns: int) -> None:
-        if now_ns < self._timesync_due_ns:
-            return
-        quality = self.clock
-        settled = quality.converged and quality.samples >= TIMESYNC_FAST_SAMPLES
-        self._timesync_due_ns = now_ns + (TIMESYNC_SLOW_NS if settled else TIMESYNC_FAST_NS)
-        self._timesync_sent_ns.append(now_ns)
-        self._send(dialect.Timesync(0, now_ns))
-
-    def _ask_streams(self, now_ns: int) -> None:
-        target = {"system": self._link.target_system, "component": self._link.target_component}
+    def _ask(self, now_ns: int) -> None:
+        """Time, streams, parameters: whatever is due."""
+        question = self._clocks.question(now_ns)
+        if question is not None:
+            self._send(question, now_ns)
         for command, parameters in self._streams.due(now_ns):
-            self._send(streams.request(command, parameters, **target))
+            target = (self._link.target_system, self._link.target_component)
+            self._send(streams.request(command, parameters, *target), now_ns)
+        for request in self.parameters.due(now_ns):
+            self._send(request, now_ns)
 
     def _link_age_s(self, now_ns: int) -> float:
         return 0.0 if self._heard_ns is None else (now_ns - self._heard_ns) * 1e-9
@@ -232,12 +220,15 @@ class Session:
         """First heartbeat, or the first after a loss: the autopilot may have restarted and forgotten what it was asked."""
         self._connected = True
         self._heard_ns = now_ns
-        self._timesync_due_ns = now_ns
+        self._clocks.ask_now(now_ns)
         self._streams.start_over(now_ns)
 
     # ------------------------------------------------------------------------------------------------------------- in
 
     def _receive_frame(self, frame: bytes, now_ns: int) -> None:
+        if self._signing is not None and not self._signing.accepts(frame, now_ns):
+            self.counters.frames_refused += 1
+            return
         received = codec.decode(frame)
         if received is None:
             self.counters.frames_unknown += 1
@@ -266,43 +257,52 @@ class Session:
             self._heard_ns = now_ns
 
     def _autopilot_handlers(self) -> Handlers:
-        vehicle, system = self._vehicle, self._link.target_system
+        vehicle, status, stamp = self._vehicle, self._status, self._clocks.stamp
         return {
-            dialect.Odometry: self._stamped(system, vehicle.odometry, "time_usec", 1_000),
+            dialect.Odometry: self._stamped(stamp, vehicle.odometry, "time_usec", 1_000),
             dialect.AttitudeQuaternion: lambda m, _: vehicle.attitude(m),
-            dialect.LocalPositionNed: self._stamped(system, vehicle.local_position, "time_boot_ms", 1_000_000),
-            dialect.DistanceSensor: self._stamped(system, range_measurement, "time_boot_ms", 1_000_000),
-            dialect.AttitudeTarget: self._stamped(system, thrust_report, "time_boot_ms", 1_000_000),
-            dialect.HighresImu: self._stamped(system, acceleration_report, "time_usec", 1_000),
+            dialect.LocalPositionNed: self._stamped(stamp, vehicle.local_position, "time_boot_ms", 1_000_000),
+            dialect.DistanceSensor: self._stamped(stamp, range_measurement, "time_boot_ms", 1_000_000),
+            dialect.AttitudeTarget: self._stamped(stamp, thrust_report, "time_boot_ms", 1_000_000),
+            dialect.HighresImu: self._stamped(stamp, acceleration_report, "time_usec", 1_000),
             dialect.GlobalPositionInt: self._on_global_position,
             dialect.GpsGlobalOrigin: self._on_origin,
             dialect.Heartbeat: self._on_heartbeat,
             dialect.CurrentMode: self._on_current_mode,
-            dialect.ExtendedSysState: lambda m, _: self._status.extended_state(m),
-            dialect.SysStatus: lambda m, _: self._status.system_state(m),
-            dialect.BatteryStatus: lambda m, _: self._status.battery(m),
-            dialect.HomePosition: lambda m, _: self._status.home(m),
+            dialect.ExtendedSysState: self._on_status(status.extended_state),
+            dialect.SysStatus: self._on_status(status.system_state),
+            dialect.BatteryStatus: self._on_status(status.battery),
+            dialect.HomePosition: self._on_status(status.home),
             dialect.CommandAck: self._on_ack,
-            dialect.Timesync: lambda m, now_ns: self._on_timesync(system, m, now_ns),
+            dialect.Timesync: self._on_timesync,
             dialect.Ping: self._on_ping,
+            dialect.ParamValue: lambda m, _: self.parameters.received(m),
             dialect.Statustext: lambda m, now_ns: self._put(self._texts.statustext(m, now_ns)),
             dialect.Event: lambda m, now_ns: self._put(event_text(m, now_ns)),
         }
 
     def _beacon_handlers(self) -> Handlers:
-        system = self._link.beacon_system
+        stamp = self._clocks.beacon_stamp
         return {
-            dialect.GlobalPositionInt: self._on_beacon_position,
-            dialect.Odometry: self._on_beacon_odometry,
-            dialect.GpsGlobalOrigin: lambda m, _: self._beacon.set_origin(m),
-            dialect.Timesync: lambda m, now_ns: self._on_timesync(system, m, now_ns),
+            dialect.GlobalPositionInt: self._stamped(stamp, self._beacon_position, "time_boot_ms", 1_000_000),
+            dialect.Odometry: self._stamped(stamp, self._beacon.odometry, "time_usec", 1_000),
+            dialect.Timesync: self._clocks.from_beacon,
         }
 
-    def _stamped(self, system: int, read: Callable[[Any, int], SensorInput | None], clock: str, to_ns: int) -> Handler:
+    def _stamped(
+        self, stamp: Callable[[int, int], int], read: Callable[[Any, int], SensorInput | None], clock: str, to_ns: int
+    ) -> Handler:
         """A handler that stamps with the boot time in field `clock`, in units of `to_ns`, and keeps what `read` makes."""
 
         def handle(message: Any, now_ns: int) -> None:
-            self._put(read(message, self._stamp(system, getattr(message, clock) * to_ns, now_ns)))
+            self._put(read(message, stamp(getattr(message, clock) * to_ns, now_ns)))
+
+        return handle
+
+    def _on_status(self, take: Callable[[Any], None]) -> Handler:
+        def handle(message: Any, _now_ns: int) -> None:
+            take(message)
+            self._status_touched = True
 
         return handle
 
@@ -310,6 +310,7 @@ class Session:
         if not self._connected:
             self._found(now_ns)
         self._status.heartbeat(message, now_ns)
+        self._status_touched = True
         self._commander.mode_seen(self._status.mode, self._status.intended_mode, now_ns)
 
     def _on_current_mode(self, message: dialect.CurrentMode, now_ns: int) -> None:
@@ -322,20 +323,18 @@ class Session:
         kind = self._commander.acknowledged(message, now_ns)
         if kind in (CommandKind.ARM, CommandKind.DISARM, CommandKind.FORCE_DISARM):
             self._status.arm_answered(armed=kind is CommandKind.ARM, now_ns=now_ns)
+            self._status_touched = True
 
-    def _on_timesync(self, system: int, message: dialect.Timesync, now_ns: int) -> None:
-        """A question is answered with our time; an answer counts only when it is to a question of ours."""
-        if message.tc1 == 0:
-            if system == self._link.target_system:
-                self._send(dialect.Timesync(now_ns, message.ts1))
-        elif message.ts1 in self._timesync_sent_ns:
-            self._clocks[system].add(sent_ns=message.ts1, boot_ns=message.tc1, received_ns=now_ns)
+    def _on_timesync(self, message: dialect.Timesync, now_ns: int) -> None:
+        answer = self._clocks.from_autopilot(message, now_ns)
+        if answer is not None:
+            self._send(answer, now_ns)
 
-    def _on_ping(self, message: dialect.Ping, _now_ns: int) -> None:
+    def _on_ping(self, message: dialect.Ping, now_ns: int) -> None:
+        link = self._link
         if message.target_system == 0 and message.target_component == 0:
-            self._send(
-                message._replace(target_system=self._link.target_system, target_component=self._link.target_component)
-            )
+            answer = message._replace(target_system=link.target_system, target_component=link.target_component)
+            self._send(answer, now_ns)
 
     def _on_origin(self, message: dialect.GpsGlobalOrigin, _now_ns: int) -> None:
         self._origin = geo_origin(message)
@@ -343,15 +342,8 @@ class Session:
     def _on_global_position(self, message: dialect.GlobalPositionInt, _now_ns: int) -> None:
         self._altitude_amsl_m = message.alt * 1e-3
 
-    def _on_beacon_position(self, message: dialect.GlobalPositionInt, now_ns: int) -> None:
-        if self._origin is not None:
-            t_ns = self._stamp(self._link.beacon_system, message.time_boot_ms * 1_000_000, now_ns)
-            self._put(self._beacon.global_position(message, self._origin, t_ns))
-
-    def _on_beacon_odometry(self, message: dialect.Odometry, now_ns: int) -> None:
-        if self._origin is not None:
-            t_ns = self._stamp(self._link.beacon_system, message.time_usec * 1_000, now_ns)
-            self._put(self._beacon.odometry(message, self._origin, t_ns))
+    def _beacon_position(self, message: dialect.GlobalPositionInt, t_ns: int) -> SensorInput | None:
+        return None if self._origin is None else self._beacon.global_position(message, self._origin, t_ns)
 
     # ------------------------------------------------------------------------------------------------------- messages
 
@@ -361,26 +353,30 @@ class Session:
 
     def _drain(self, now_ns: int) -> list[SensorInput]:
         """Everything learned, then the status if it changed or is due: results come before the state they explain."""
-        self._drain_commands()
+        self._drain_commands(now_ns)
         self._check_link(now_ns)
         self._report_status(now_ns)
         inbox, self._inbox = self._inbox, []
         return inbox
 
-    def _drain_commands(self) -> None:
+    def _drain_commands(self, now_ns: int) -> None:
         to_send, results = self._commander.drain()
         for message in to_send:
-            self._send(message)
+            self._send(message, now_ns)
         self._inbox.extend(results)
 
     def _check_link(self, now_ns: int) -> None:
         if self._connected and self._heard_ns is not None and now_ns - self._heard_ns >= self._lost_after_ns:
             self._connected = False
+            self._status_touched = True
 
     def _report_status(self, now_ns: int) -> None:
+        is_due = now_ns >= self._report_due_ns
+        if not (self._status_touched or is_due):
+            return
+        self._status_touched = False
         report = self._status.report(connected=self._connected, link_age_s=self._link_age_s(now_ns))
-        changed = self._reported is None or not same_but_for_age(report, self._reported)
-        if (changed and self._heard_ns is not None) or now_ns >= self._report_due_ns:
+        if is_due or self._reported is None or not same_but_for_age(report, self._reported):
             self._reported = report
             self._report_due_ns = now_ns + STATUS_PERIOD_NS
             self._inbox.append(report)

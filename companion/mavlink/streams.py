@@ -100,6 +100,6 @@ class StreamRequests:
         return True
 
 
-def request(command: int, parameters: tuple[float, float], *, system: int, component: int) -> CommandLong:
+def request(command: int, parameters: tuple[float, float], system: int, component: int) -> CommandLong:
     """The COMMAND_LONG of one such request."""
     return CommandLong(parameters[0], parameters[1], 0.0, 0.0, 0.0, 0.0, 0.0, command, system, component, 0)

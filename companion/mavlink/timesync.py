@@ -25,6 +25,8 @@ RATE_WALK_PER_SQRT_S = 0.005
 GATE_SIGMA = 6.0
 REJECTIONS_TO_RESTART = 4
 LONGEST_ROUND_TRIP_S = 1.0
+REBOOT_S = 2.0
+"""Answers are at most a round trip out of order; a clock further back has started anew."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +88,9 @@ class PeerClock:
 
     def _fuse(self, boot_ns: int, companion_ns: int, sigma_s: float) -> bool:
         dt_s = (boot_ns - self._boot_ns) * 1e-9
+        if dt_s < -REBOOT_S:
+            self._restart()
+            return False
         predicted_ns = self._predicted_ns(boot_ns)
         p_offset, p_cross, p_rate = self._predicted_covariance(abs(dt_s))
         innovation_s = (companion_ns - predicted_ns) * 1e-9
@@ -116,9 +121,12 @@ class PeerClock:
         self.rejected += 1
         self._rejected_in_a_row += 1
         if self._rejected_in_a_row >= REJECTIONS_TO_RESTART:
-            self.restarts += 1
-            self._round_trips_s = []
-            self._start_over()
+            self._restart()
+
+    def _restart(self) -> None:
+        self.restarts += 1
+        self._round_trips_s = []
+        self._start_over()
 
     # ------------------------------------------------------------------------------------------------------- answers
 
