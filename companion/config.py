@@ -148,6 +148,7 @@ class Planning(_Section, frozen=True):
     snap_split: Literal["all", "worst"] = "all"
     corridor_half_width_m: Positive = 1.5
     bezier_ratio: Annotated[float, Meta(gt=0.0, le=1.0)] = 0.5
+    clearance_m: Positive = 0.5
 
 
 class Control(_Section, frozen=True):

@@ -9,7 +9,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from companion.config import Planning
+from companion.planning.bezier import BezierPlanner
 from companion.planning.bspline import BSplinePlanner
+from companion.planning.four_point import FourPointPlanner
 from companion.planning.limits import Limits, ProvenBounds, limits_from_config
 from companion.planning.obstacle import Cylinder, Obstacle, Sphere
 from companion.planning.request import (
@@ -50,8 +52,24 @@ def _min_jerk(planning: Planning) -> Planner:
     return MinJerkPlanner.from_config(planning)
 
 
+def _min_snap(planning: Planning) -> Planner:
+    from companion.planning.min_snap import MinSnapPlanner  # compiles
+
+    return MinSnapPlanner.from_config(planning)
+
+
+def _corridor(planning: Planning) -> Planner:
+    from companion.planning.corridor import CorridorPlanner  # needs the extra `qp`
+
+    return CorridorPlanner.from_config(planning)
+
+
 PLANNERS: dict[str, Callable[[Planning], Planner]] = {
     "bspline": BSplinePlanner.from_config,
+    "bezier": BezierPlanner.from_config,
+    "corridor": _corridor,
+    "four_point": FourPointPlanner.from_config,
     "min_jerk": _min_jerk,
+    "min_snap": _min_snap,
 }
 """Factories by the name in the configuration."""

@@ -71,7 +71,7 @@ def bernstein_parts(trajectory: Trajectory, parts: int) -> tuple[Array, Array, A
     offset = np.tile(np.arange(parts), len(lengths)) * width
     starts = np.repeat(trajectory.breaks_s[:-1], parts) + offset
     shifted = _taylor_shift(np.repeat(low, parts, axis=0), offset, width)
-    return starts, width, np.einsum("ij,njk->nik", _monomial_to_bernstein(low.shape[1] - 1), shifted)
+    return starts, width, np.einsum("ij,njk->nik", monomial_to_bernstein(low.shape[1] - 1), shifted)
 
 
 def jerk_cost(trajectory: Trajectory) -> float:
@@ -96,7 +96,8 @@ def _taylor_shift(low: Array, offset: Array, width: Array) -> Array:
     return result
 
 
-def _monomial_to_bernstein(degree: int) -> Array:
+def monomial_to_bernstein(degree: int) -> Array:
+    """Coefficients (lowest power first) on [0, 1] to Bernstein control points."""
     matrix = np.zeros((degree + 1, degree + 1))
     for i in range(degree + 1):
         for j in range(i + 1):

@@ -25,7 +25,7 @@ def _hermite() -> Array:
     for k in range(4):
         rows[k, k] = math.factorial(k)
         rows[4 + k, k:] = [math.perm(m, k) for m in range(k, 8)]
-    return np.linalg.inv(rows)
+    return np.asarray(np.linalg.inv(rows), dtype=np.float64)
 
 
 def _gram(hermite: Array) -> Array:
@@ -169,7 +169,7 @@ def polynomials(state: Array, durations: Array) -> Array:
     ends = np.concatenate([state[:-1], state[1:]], axis=1)
     scaled = ends * np.concatenate([powers[:, :4], powers[:, :4]], axis=1)[:, :, None]
     low = np.einsum("ij,njk->nki", HERMITE, scaled) / powers[:, None, :]
-    return low[:, :, ::-1]
+    return np.asarray(low[:, :, ::-1])
 
 
 def snap_cost(state: Array, durations: Array) -> float:
