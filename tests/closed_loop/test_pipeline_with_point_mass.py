@@ -148,10 +148,10 @@ class PointMassWorld:
         return (values[0], values[1], values[2])
 
     def run(self, seconds: float) -> None:
-        for _ in range(round(seconds / DT_S)):
-            if not self.armed:
-                self.step()
-                return
+        """Until the time is over, or for a moment after the motors have stopped."""
+        left = round(seconds / DT_S)
+        while left > 0:
+            left = left - 1 if self.armed else min(left - 1, 10)
             self.step()
 
     def phases(self) -> list[Phase]:
