@@ -120,18 +120,19 @@ class GpsLoss(_Window, frozen=True, tag_field="kind", tag="gps_loss"):
 
 
 class GpsJump(_Window, frozen=True, tag_field="kind", tag="gps_jump"):
-    """The vehicle's estimate of its position slides off by this much while the fault lasts."""
+    """The vehicle's estimate of its position is off by this much while the fault lasts."""
 
     north_m: float = 0.0
     east_m: float = 0.0
 
 
 class EstimatorReset(_Window, frozen=True, tag_field="kind", tag="estimator_reset"):
-    """The estimate jumps at once and the reset counters count."""
+    """The estimate jumps at once and the reset counters count; it stays where it is when the fault ends."""
 
     north_m: float = 0.0
     east_m: float = 0.0
     down_m: float = 0.0
+    yaw_deg: float = 0.0
 
 
 class BatteryLow(_Window, frozen=True, tag_field="kind", tag="battery_low"):

@@ -10,14 +10,17 @@ from __future__ import annotations
 import difflib
 import tomllib
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path as FilePath
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import msgspec
+from msgspec import Meta
 
 from sitl_stub.carriers import CARRIERS, CarrierSettings
 from sitl_stub.carriers.rover import RoverSettings
 from sitl_stub.faults import FAULTS, Fault
+from sitl_stub.pad_layout import PadLayout, pad_layout_from_toml
 from sitl_stub.paths import PATHS, PathSettings
 from sitl_stub.paths.line import LineSettings
 from sitl_stub.section import Count, Fraction, NonNegative, Positive, Section
@@ -100,33 +103,51 @@ class Camera(Section, frozen=True):
     position_frd_m: tuple[float, float, float] = (0.0, 0.0, 0.05)
     mount_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Roll, pitch, yaw against a camera that looks straight down, image top to the nose; pitch 90 looks forward."""
+    colour: bool = False
     rate_hz: Positive = 30.0
     delay_s: NonNegative = 0.05
     """From the middle of the exposure to the hand-over."""
-    delay_sigma_s: NonNegative = 0.0
-    """Spread of the delay (half-normal, added)."""
-    drop_fraction: Fraction = 0.0
-    noise_sigma: NonNegative = 2.0
-    """Grey levels."""
-    exposure_s: NonNegative = 0.002
+    delay_spread_s: NonNegative = 0.0
+    """What `delay_kind` makes of it."""
+    delay_kind: Literal["constant", "uniform", "exponential"] = "constant"
+    """uniform: up to `delay_spread_s` more. exponential: that much more on average."""
+    drop_probability: Fraction = 0.0
+    exposure_s: NonNegative = 0.003
     """Motion during the exposure blurs."""
+    noise_sigma: NonNegative = 1.5
+    """Of a black pixel, grey levels."""
+    shot_noise_sigma: NonNegative = 3.0
+    """What light adds at full scale."""
+    vignetting: Fraction = 0.0
+    """Light lost in the corners."""
+    softness_px: NonNegative = 0.0
+    """The lens's blur."""
     readout_s: NonNegative = 0.0
     """Rolling shutter: time from the first row to the last."""
-    jpeg_quality: Count | None = None
-    """Compress and decompress, as a network camera does; absent: not compressed."""
-    colour: bool = False
+    jpeg_quality: Annotated[int, Meta(ge=0, le=100)] = 0
+    """Compress and decompress, as a network camera does; 0: not compressed."""
+    motion_blur: bool = True
 
 
 class Light(Section, frozen=True):
-    """[light]: what the cameras see by."""
+    """[light]: what the cameras see by, and what the ground looks like."""
 
     brightness: Positive = 1.0
-    """1: well exposed; 0.1: night."""
-    glare: Fraction = 0.0
-    """Strength of the sun's reflection on the deck."""
-    shadow: Fraction = 0.0
-    """How dark the shadow is whose edge lies across the deck; 0: none."""
-    ground: Literal["grass", "asphalt", "water", "plain"] = "asphalt"
+    """1: well exposed; over 1 burns out; 0.05: night."""
+    noise_gain: Positive = 1.0
+    """The sensor's amplification that goes with it."""
+    ground: Literal["field", "asphalt", "water"] = "field"
+    """What the cameras see around the pad."""
+    shadow_remaining: Fraction | None = None
+    """Part of the light that a large shadow leaves, whose straight edge lies over the deck; absent: no shadow."""
+    shadow_direction_deg: float = 30.0
+    """Seen from the pad's centre, clockwise from its x axis: where the shade is."""
+    shadow_offset_m: float = 0.1
+    """The edge's distance from the pad's centre along that direction."""
+    glare_strength: NonNegative = 0.0
+    """The sun mirrored by the deck: part of full scale added at the middle of the spot; 0: none."""
+    glare_position_m: tuple[float, float] = (0.2, 0.1)
+    glare_radius_m: Positive = 0.3
 
 
 class RangeSensor(Section, frozen=True):
@@ -157,9 +178,10 @@ class Beacon(Section, frozen=True):
 
 
 class Estimate(Section, frozen=True):
-    """[estimate]: error of what the autopilot believes about itself; 1 is what a PX4 in simulation shows, 0 is truth."""
+    """[estimate]: error of what the autopilot believes about itself."""
 
     error_scale: NonNegative = 1.0
+    """1: as large as that of a PX4 in simulation; 0: truth."""
 
 
 class Success(Section, frozen=True):
@@ -250,6 +272,14 @@ def with_overrides(scenario: Scenario, overrides: Mapping[str, Any], origin: str
             table = table.setdefault(key, {})
         table[last] = value
     return from_table(data, origin)
+
+
+def load_pad(scenario: Scenario) -> PadLayout:
+    """The pad's layout from its file, at the height the scenario asks for."""
+    file = find("pads", scenario.pad.file)
+    layout = pad_layout_from_toml(read(file), str(file))
+    height = scenario.pad.deck_height_m
+    return layout if height is None else replace(layout, deck_height_m=height)
 
 
 _FIELDS: dict[str, Any] = {field.name: field.type for field in msgspec.structs.fields(Scenario)}

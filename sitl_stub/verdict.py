@@ -13,18 +13,21 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from sitl_stub.carriers.deck import DeckState
-from sitl_stub.contact import ContactState, DeckShape, Quaternion, Vec3
+from sitl_stub.contact import ContactState, Quaternion, Vec3
 from sitl_stub.scenario import Success
 
 _SPELL_GAP_S = 1.0
 _LASTING_S = 0.3
 _GO_AROUND_S = 3.0
 _AIRBORNE_S = 0.15
-_AIRBORNE_CLEARANCE_M = 0.03
+_AIRBORNE_GAP_M = 0.03
+_FLOWN_GAP_M = 0.3
 _CRASH_SPEED_M_S = 4.0
 _TIPPED_TILT_RAD = math.radians(60.0)
 _TIPPED_TIME_S = 1.0
 _REST_SPEED_M_S = 0.15
+# Armed with stopped motors for this long (kill switch, flight termination) is as good as disarmed.
+_STOPPED_FOR_GOOD_S = 5.0
 
 
 class Ending(StrEnum):
@@ -57,7 +60,7 @@ class Verdict:
     ending: Ending
     is_success: bool
     t_s: float
-    touchdown_t_s: float | None = None
+    touchdown_s: float | None = None
     touchdown_error_m: float | None = None
     """Horizontal distance (pad frame) of the vehicle's reference point from the pad's centre at touchdown."""
     final_error_m: float | None = None
@@ -89,9 +92,8 @@ class _Touchdown:
 class Judge:
     """Watches one flight."""
 
-    def __init__(self, success: Success, shape: DeckShape, duration_limit_s: float, *, starts_in_air: bool) -> None:
+    def __init__(self, success: Success, duration_limit_s: float, *, starts_in_air: bool) -> None:
         self._success = success
-        self._shape = shape
         self._limit_s = duration_limit_s
         self._has_flown = starts_in_air
         self._touchdown: _Touchdown | None = None
@@ -103,7 +105,7 @@ class Judge:
         self._was_on_deck_lastingly = False
         self._hit_side = self._struck = self._fell = False
         self._motors_ran = starts_in_air
-        self._rest_s = self._overturned_s = 0.0
+        self._rest_s = self._overturned_s = self._stopped_s = 0.0
         self._ending = Ending.FLYING
         self._end_t_s = 0.0
         self._final_error_m: float | None = None
@@ -122,10 +124,10 @@ class Judge:
         q_ned_frd: Quaternion,
         deck: DeckState,
         contact: ContactState,
-        clearance_m: float,
         motors_run: bool,
+        is_armed: bool,
     ) -> None:
-        """Advance by `dt_s` to `t_s`. `clearance_m`: how far the lowest foot is above what is under it."""
+        """Advance by `dt_s` to `t_s`."""
         if self.is_over:
             return
         if t_s >= self._limit_s:
@@ -133,8 +135,8 @@ class Judge:
             return
         touching = contact.is_touching
         relative = relative_velocity(position_ned_m, velocity_ned_m_s, deck)
-        self._watch_motors(t_s, motors_run, touching, clearance_m)
-        self._has_flown = self._has_flown or (motors_run and not touching and clearance_m > 0.3)
+        self._watch_motors(t_s, motors_run, touching, contact.gap_m)
+        self._has_flown = self._has_flown or (motors_run and not touching and contact.gap_m > _FLOWN_GAP_M)
         if not touching or not self._has_flown:
             self._rest_s = self._overturned_s = 0.0
             return
@@ -142,14 +144,21 @@ class Judge:
         if contact.feet_on_deck + contact.frame_on_deck:
             self._watch_deck(t_s, dt_s, position_ned_m, relative, q_ned_frd, deck)
         self._last_touch_s = t_s
-        self._watch_rest(t_s, dt_s, position_ned_m, velocity_ned_m_s, relative, q_ned_frd, deck, contact, motors_run)
+        self._stopped_s = 0.0 if motors_run else self._stopped_s + dt_s
+        is_off = not is_armed or self._stopped_s > _STOPPED_FOR_GOOD_S
+        speed = math.hypot(*(relative if contact.feet_on_deck + contact.frame_on_deck else velocity_ned_m_s))
+        at_rest = is_off and not motors_run and speed < _REST_SPEED_M_S
+        self._rest_s = self._rest_s + dt_s if at_rest else 0.0
+        overturned = upright_angle(q_ned_frd) > _TIPPED_TILT_RAD
+        self._overturned_s = self._overturned_s + dt_s if overturned else 0.0
+        self._decide(t_s, position_ned_m, deck, contact)
 
     def free(self, t_s: float, motors_run: bool) -> None:
         """The short way while nothing is near: only the time and the motors matter."""
         if self.is_over:
             return
         self._has_flown = self._has_flown or motors_run
-        self._watch_motors(t_s, motors_run, touching=False, clearance_m=math.inf)
+        self._watch_motors(t_s, motors_run, touching=False, gap_m=math.inf)
         if t_s >= self._limit_s:
             self._ending, self._end_t_s = Ending.TIMEOUT, t_s
 
@@ -159,7 +168,7 @@ class Judge:
             ending=self._ending,
             is_success=self._ending is Ending.ON_PAD and self._is_good_enough(),
             t_s=self._end_t_s if self.is_over else t_s,
-            touchdown_t_s=touchdown.t_s if touchdown else None,
+            touchdown_s=touchdown.t_s if touchdown else None,
             touchdown_error_m=touchdown.error_m if touchdown else None,
             final_error_m=self._final_error_m,
             touchdown_relative_speed_horizontal_m_s=touchdown.horizontal_m_s if touchdown else None,
@@ -176,10 +185,10 @@ class Judge:
         error_ok = s.max_touchdown_error_m is None or touchdown.error_m <= s.max_touchdown_error_m
         return error_ok and touchdown.vertical_m_s <= s.max_vertical_speed_m_s
 
-    def _watch_motors(self, t_s: float, motors_run: bool, touching: bool, clearance_m: float) -> None:
+    def _watch_motors(self, t_s: float, motors_run: bool, touching: bool, gap_m: float) -> None:
         stopped = self._motors_ran and not motors_run
         self._motors_ran = motors_run
-        airborne = not touching and t_s - self._last_touch_s > _AIRBORNE_S and clearance_m > _AIRBORNE_CLEARANCE_M
+        airborne = not touching and t_s - self._last_touch_s > _AIRBORNE_S and gap_m > _AIRBORNE_GAP_M
         if stopped and airborne and self._has_flown:
             self._fell = True
 
@@ -210,27 +219,11 @@ class Judge:
         self._deck_time_s += dt_s
         self._was_on_deck_lastingly = self._deck_time_s >= _LASTING_S
 
-    def _watch_rest(
-        self,
-        t_s: float,
-        dt_s: float,
-        position: Vec3,
-        velocity: Vec3,
-        relative: Vec3,
-        q_ned_frd: Quaternion,
-        deck: DeckState,
-        contact: ContactState,
-        motors_run: bool,
-    ) -> None:
-        on_deck = contact.feet_on_deck + contact.frame_on_deck > 0
-        overturned = upright_angle(q_ned_frd) > _TIPPED_TILT_RAD
-        self._overturned_s = self._overturned_s + dt_s if overturned else 0.0
-        speed = math.hypot(*(relative if on_deck else velocity))
-        at_rest = not motors_run and speed < _REST_SPEED_M_S
-        self._rest_s = self._rest_s + dt_s if at_rest else 0.0
+    def _decide(self, t_s: float, position: Vec3, deck: DeckState, contact: ContactState) -> None:
         if self._overturned_s >= _TIPPED_TIME_S:
             self._end(self._cause(Ending.TIPPED), t_s, position, deck)
         elif self._rest_s >= self._success.settle_s:
+            on_deck = contact.feet_on_deck + contact.frame_on_deck > 0
             self._end(Ending.ON_PAD if on_deck else self._cause(Ending.OFF_PAD), t_s, position, deck)
 
     def _cause(self, otherwise: Ending) -> Ending:
