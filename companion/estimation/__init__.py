@@ -19,6 +19,7 @@ from companion.estimation.protocol import PadEstimator
 from companion.estimation.track import TrackSettings, gate_sigmas
 from companion.estimation.tracker import PadTracker, camera_mount
 from companion.estimation.vehicle_history import VehicleHistory, VehiclePose, VehicleReset
+from companion.estimation.weaving_turn import WeavingTurn
 
 __all__ = [
     "ESTIMATORS",
@@ -61,8 +62,13 @@ def coordinated_turn(config: Estimation) -> PadEstimator:
 
 def imm(config: Estimation) -> PadEstimator:
     bias = _bias(config)
-    models = (ConstantVelocity(bias=bias), CoordinatedTurn(bias=bias), ConstantAcceleration(bias=bias))
-    return _filter("imm", _settings(config, models, (0.5, 0.3, 0.2)), config)
+    models = (
+        ConstantVelocity(bias=bias),
+        CoordinatedTurn(bias=bias),
+        WeavingTurn(bias=bias),
+        ConstantAcceleration(bias=bias),
+    )
+    return _filter("imm", _settings(config, models, (0.4, 0.3, 0.2, 0.1)), config)
 
 
 ESTIMATORS: dict[str, Callable[[Estimation], PadEstimator]] = {

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from companion.estimation.kalman import Vector, log_likelihood, update_scalar
 from companion.estimation.motion import SHARED, VX, VY, Motion, MotionModel, X, Y
 
-LEAST_SHARE = 1e-4
+LEAST_SHARE = 1e-3
 """Contributions below this are left out of a mixture: they cost as much as the large ones."""
 LEAST_PROBABILITY = 1e-3
 """No model is ever given up: the pad may start to turn at any time."""
@@ -103,16 +103,19 @@ def _take(member: Member, before: Sequence[Member], shares: Sequence[float], own
 def _moments(members: Sequence[Member], shares: Sequence[float]) -> tuple[list[float], list[float]]:
     """Mean and covariance of the shared states of a mixture, spread of the means included."""
     parts = [(w, m.x, m.P, m.model.size) for w, m in zip(shares, members, strict=True) if w > LEAST_SHARE]
+    if len(parts) == 1:
+        _, x, Pm, n = parts[0]
+        return x[:SHARED], [value for i in range(SHARED) for value in Pm[i * n : i * n + SHARED]]
     scale = 1.0 / sum(part[0] for part in parts)
     mean = [sum(w * x[i] for w, x, _, _ in parts) * scale for i in range(SHARED)]
     P = [0.0] * (SHARED * SHARED)
     for w, x, Pm, n in parts:
         w *= scale
-        d = [x[i] - mean[i] for i in range(SHARED)]
+        d = [a - b for a, b in zip(x, mean, strict=False)]
         for i in range(SHARED):
-            wd = w * d[i]
+            di, to, source = d[i], i * SHARED, i * n
             for j in range(i + 1):
-                P[i * SHARED + j] += w * Pm[i * n + j] + wd * d[j]
+                P[to + j] += w * (Pm[source + j] + di * d[j])
     for i in range(SHARED):
         for j in range(i):
             P[j * SHARED + i] = P[i * SHARED + j]
@@ -133,17 +136,29 @@ def combined(members: Sequence[Member]) -> Mixture:
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """A scalar measurement of shared states: z = sum of coefficient * x[index] + noise of variance R."""
+    """A scalar measurement of shared states: z = sum of coefficients * x[indices] + noise of variance R."""
 
-    terms: tuple[tuple[int, float], ...]
+    indices: tuple[int, ...]
+    coefficients: tuple[float, ...]
     z: float
     R: float
 
     def residual(self, x: Sequence[float]) -> float:
-        return self.z - sum(c * x[i] for i, c in self.terms)
+        z = self.z
+        for i, c in zip(self.indices, self.coefficients, strict=True):
+            z -= c * x[i]
+        return z
+
+    def cross(self, other: Row, P: Sequence[float], n: int) -> float:
+        """Covariance of two predicted scalars."""
+        total = 0.0
+        for i, ci in zip(self.indices, self.coefficients, strict=True):
+            for j, cj in zip(other.indices, other.coefficients, strict=True):
+                total += ci * cj * P[i * n + j]
+        return total
 
     def variance(self, P: Sequence[float], n: int) -> float:
-        return self.R + sum(ci * cj * P[i * n + j] for i, ci in self.terms for j, cj in self.terms)
+        return self.R + self.cross(self, P, n)
 
 
 def decorrelated(first: Row, second: Row, covariance: float) -> tuple[Row, Row]:
@@ -151,8 +166,9 @@ def decorrelated(first: Row, second: Row, covariance: float) -> tuple[Row, Row]:
     if covariance == 0.0:
         return first, second
     k = covariance / first.R
-    terms = second.terms + tuple((i, -k * c) for i, c in first.terms)
-    return first, Row(terms, second.z - k * first.z, second.R - k * covariance)
+    coefficients = second.coefficients + tuple(-k * c for c in first.coefficients)
+    indices = second.indices + first.indices
+    return first, Row(indices, coefficients, second.z - k * first.z, second.R - k * covariance)
 
 
 def update(members: Sequence[Member], rows: Sequence[Row]) -> None:
@@ -166,11 +182,9 @@ def _updated(member: Member, rows: Sequence[Row]) -> float:
     g = [0.0] * n
     total = 0.0
     for row in rows:
-        h = [0.0] * n
-        for i, c in row.terms:
-            h[i] += c
         y = row.residual(x)
-        total += log_likelihood(y, update_scalar(x, P, n, h, y, row.R, g))
+        S = update_scalar(x, P, n, row.indices, row.coefficients, y, row.R, g)
+        total += log_likelihood(y, S)
     return total
 
 
@@ -189,9 +203,7 @@ def _reweigh(members: Sequence[Member], logs: Sequence[float]) -> None:
 def update_own(member: Member, index: int, y: float, R: float) -> None:
     """Fuse a scalar that only this model knows (turn rate, yaw): y is the residual. Says nothing about other models."""
     n = member.model.size
-    h = [0.0] * n
-    h[index] = 1.0
-    update_scalar(member.x, member.P, n, h, y, R, [0.0] * n)
+    update_scalar(member.x, member.P, n, (index,), (1.0,), y, R, [0.0] * n)
 
 
 def shift_velocity(members: Sequence[Member], step: tuple[float, float]) -> None:
@@ -203,4 +215,4 @@ def shift_velocity(members: Sequence[Member], step: tuple[float, float]) -> None
 
 def position_rows(z: tuple[float, float], R: tuple[float, float]) -> tuple[Row, Row]:
     """Direct sight of the pad's horizontal position."""
-    return Row(((X, 1.0),), z[0], R[0]), Row(((Y, 1.0),), z[1], R[1])
+    return Row((X,), (1.0,), z[0], R[0]), Row((Y,), (1.0,), z[1], R[1])

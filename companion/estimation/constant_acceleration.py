@@ -11,12 +11,12 @@ from dataclasses import dataclass
 
 from companion.estimation.constant_velocity import add_velocity_noise
 from companion.estimation.kalman import Vector, transform_covariance
-from companion.estimation.motion import BX, BY, DEFAULT_BIAS, SHARED, VX, VY, BeaconBias, Motion, X, Y
+from companion.estimation.motion import DEFAULT_BIAS, SHARED, VX, VY, BeaconBias, Motion, X, Y
 
 AX, AY = SHARED, SHARED + 1
 SIZE = SHARED + 2
-ROWS = (X, Y, VX, VY, X, Y, BX, BY, AX, AY)
-COLUMNS = (VX, VY, AX, AY, AX, AY, BX, BY, AX, AY)
+ROWS = (X, Y, VX, VY, X, Y, AX, AY)
+COLUMNS = (VX, VY, AX, AY, AX, AY, AX, AY)
 MAX_STEP_S = 0.5
 
 
@@ -24,8 +24,8 @@ MAX_STEP_S = 0.5
 class ConstantAcceleration:
     """Singer model: acceleration of `sigma_m_s2` that is correlated over `time_s`."""
 
-    sigma_m_s2: float = 1.5
-    time_s: float = 1.5
+    sigma_m_s2: float = 2.0
+    time_s: float = 2.0
     velocity_psd: float = 0.001
     bias: BeaconBias = DEFAULT_BIAS
     name: str = "constant_acceleration"
@@ -47,29 +47,25 @@ class ConstantAcceleration:
         fade = math.exp(-dt_s / self.time_s)
         to_velocity = self.time_s * (1.0 - fade)
         to_position = self.time_s * (dt_s - to_velocity)
-        decay = self.bias.decay(dt_s)
-        for p, v, a, b in ((X, VX, AX, BX), (Y, VY, AY, BY)):
+        for p, v, a in ((X, VX, AX), (Y, VY, AY)):
             x[p] += dt_s * x[v] + to_position * x[a]
             x[v] += to_velocity * x[a]
             x[a] *= fade
-            x[b] *= decay
-        own = (dt_s, dt_s, to_velocity, to_velocity, to_position, to_position)
-        values = (*own, decay - 1.0, decay - 1.0, fade - 1.0, fade - 1.0)
-        transform_covariance(P, SIZE, ROWS, COLUMNS, values, 10, [0.0] * (SIZE * SIZE))
+        values = (dt_s, dt_s, to_velocity, to_velocity, to_position, to_position, fade - 1.0, fade - 1.0)
+        transform_covariance(P, SIZE, ROWS, COLUMNS, values)
         self._add_noise(P, dt_s)
+        self.bias.predict(x, P, SIZE, dt_s)
 
     def _add_noise(self, P: Vector, dt_s: float) -> None:
         """White jerk of the density that keeps the stationary variance, integrated (exact to the first order of dt/T)."""
         psd = 2.0 * self.sigma_m_s2 * self.sigma_m_s2 / self.time_s
         aa, av, ap = psd * dt_s, psd * dt_s**2 / 2.0, psd * dt_s**3 / 6.0
         vv, vp, pp = psd * dt_s**3 / 3.0, psd * dt_s**4 / 8.0, psd * dt_s**5 / 20.0
-        gained = self.bias.variance_gained(dt_s)
-        for p, v, a, b in ((X, VX, AX, BX), (Y, VY, AY, BY)):
+        for p, v, a in ((X, VX, AX), (Y, VY, AY)):
             for i, j, q in ((a, a, aa), (a, v, av), (a, p, ap), (v, v, vv), (v, p, vp), (p, p, pp)):
                 P[i * SIZE + j] += q
                 if i != j:
                     P[j * SIZE + i] += q
-            P[b * SIZE + b] += gained
         add_velocity_noise(P, SIZE, self.velocity_psd, dt_s)
 
     def motion(self, x: Vector) -> Motion:

@@ -9,10 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from companion.estimation.kalman import Vector, transform_covariance
-from companion.estimation.motion import BX, BY, DEFAULT_BIAS, SHARED, VX, VY, BeaconBias, Motion, X, Y
+from companion.estimation.motion import DEFAULT_BIAS, SHARED, VX, VY, BeaconBias, Motion, X, Y
 
-ROWS = (X, Y, BX, BY)
-COLUMNS = (VX, VY, BX, BY)
+ROWS = (X, Y)
+COLUMNS = (VX, VY)
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,16 +30,11 @@ class ConstantVelocity:
         return (), ()
 
     def predict(self, x: Vector, P: Vector, dt_s: float) -> None:
-        decay = self.bias.decay(dt_s)
         x[X] += dt_s * x[VX]
         x[Y] += dt_s * x[VY]
-        x[BX] *= decay
-        x[BY] *= decay
-        transform_covariance(P, 6, ROWS, COLUMNS, (dt_s, dt_s, decay - 1.0, decay - 1.0), 4, [0.0] * 36)
-        add_velocity_noise(P, 6, self.acceleration_psd, dt_s)
-        gained = self.bias.variance_gained(dt_s)
-        P[BX * 6 + BX] += gained
-        P[BY * 6 + BY] += gained
+        transform_covariance(P, SHARED, ROWS, COLUMNS, (dt_s, dt_s))
+        add_velocity_noise(P, SHARED, self.acceleration_psd, dt_s)
+        self.bias.predict(x, P, SHARED, dt_s)
 
     def motion(self, x: Vector) -> Motion:
         return Motion((0.0, 0.0), 0.0)

@@ -28,7 +28,7 @@ class SteadyHeading:
         gain = self.rate_time_s * (1.0 - fade)
         x[YAW] += gain * x[RATE]
         x[RATE] *= fade
-        transform_covariance(P, 2, (0, 1), (1, 1), (gain, fade - 1.0), 2, [0.0] * 4)
+        transform_covariance(P, 2, (0, 1), (1, 1), (gain, fade - 1.0))
         vv = self.rate_sigma_rad_s**2 * (1.0 - fade * fade)
         P[0] += vv * dt_s * dt_s / 3.0
         P[1] += 0.5 * vv * dt_s
@@ -37,8 +37,8 @@ class SteadyHeading:
 
 
 def update_yaw(x: Vector, P: Vector, yaw_rad: float, R: float) -> None:
-    update_scalar(x, P, 2, (1.0, 0.0), wrap_pi(yaw_rad - x[YAW]), R, [0.0, 0.0])
+    update_scalar(x, P, 2, (YAW,), (1.0,), wrap_pi(yaw_rad - x[YAW]), R, [0.0, 0.0])
 
 
 def update_rate(x: Vector, P: Vector, rate_rad_s: float, R: float) -> None:
-    update_scalar(x, P, 2, (0.0, 1.0), rate_rad_s - x[RATE], R, [0.0, 0.0])
+    update_scalar(x, P, 2, (RATE,), (1.0,), rate_rad_s - x[RATE], R, [0.0, 0.0])

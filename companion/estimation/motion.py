@@ -14,7 +14,7 @@ import math
 from dataclasses import dataclass
 from typing import Protocol
 
-from companion.estimation.kalman import Vector
+from companion.estimation.kalman import Vector, scale_state
 
 X, Y, BX, BY, VX, VY = range(6)
 SHARED = 6
@@ -65,12 +65,14 @@ class BeaconBias:
     sigma_m: float = 1.5
     time_s: float = 60.0
 
-    def decay(self, dt_s: float) -> float:
-        return math.exp(-dt_s / self.time_s)
-
-    def variance_gained(self, dt_s: float) -> float:
-        decay = self.decay(dt_s)
-        return self.sigma_m * self.sigma_m * (1.0 - decay * decay)
+    def predict(self, x: Vector, P: Vector, n: int, dt_s: float) -> None:
+        """Let the bias fade by dt_s, in place."""
+        decay = math.exp(-dt_s / self.time_s)
+        gained = self.sigma_m * self.sigma_m * (1.0 - decay * decay)
+        for b in (BX, BY):
+            x[b] *= decay
+            scale_state(P, n, b, decay)
+            P[b * n + b] += gained
 
 
 DEFAULT_BIAS = BeaconBias()

@@ -26,6 +26,7 @@ BIASED = (ObservationSource.BEACON, ObservationSource.ODOMETRY)
 VARIANCE_FLOOR_M2 = 1e-4
 LEVEL_GROUND = LevelGround()
 STEADY_HEADING = SteadyHeading()
+MIX_PERIOD_S = 0.09
 SHALLOW = 0.1
 """Bearings flatter than this (sine of elevation) do not meet the pad's height at a usable point."""
 
@@ -60,6 +61,7 @@ class Track:
     vision_ns: int | None = None
     beacon_ns: int | None = None
     systematic_m2: float = 0.0
+    unmixed_s: float = 0.0
     roll_rad: float = 0.0
     pitch_rad: float = 0.0
 
@@ -73,6 +75,7 @@ class Track:
             vision_ns=self.vision_ns,
             beacon_ns=self.beacon_ns,
             systematic_m2=self.systematic_m2,
+            unmixed_s=self.unmixed_s,
             roll_rad=self.roll_rad,
             pitch_rad=self.pitch_rad,
         )
@@ -131,12 +134,20 @@ def advance(settings: TrackSettings, track: Track, t_ns: int, *, mixing: bool = 
     if dt_s <= 0.0:
         return
     if mixing:
-        bank.mix(track.members, dt_s, settings.sojourn_s)
+        _mix_when_due(settings, track, dt_s)
     bank.predict(track.members, dt_s)
     settings.ground.predict(*track.height, dt_s)
     if track.yaw is not None:
         settings.heading.predict(*track.yaw, dt_s)
     track.t_ns = t_ns
+
+
+def _mix_when_due(settings: TrackSettings, track: Track, dt_s: float) -> None:
+    """Mixing costs as much as a prediction, and hypotheses change over seconds: ten times a second is enough."""
+    track.unmixed_s += dt_s
+    if track.unmixed_s >= MIX_PERIOD_S:
+        bank.mix(track.members, track.unmixed_s, settings.sojourn_s)
+        track.unmixed_s = 0.0
 
 
 def shift_velocity(track: Track, step_m_s: Vec3) -> None:
@@ -197,8 +208,8 @@ def _reason(outcomes: Sequence[tuple[str, Decision]]) -> str:
 def _rows(m: PadMeasurement, z: Vec3, R: Mat3) -> tuple[Row, Row]:
     if m.source in BIASED:
         return (
-            Row(((X, 1.0), (BX, 1.0)), z[0], R[0][0] + VARIANCE_FLOOR_M2),
-            Row(((Y, 1.0), (BY, 1.0)), z[1], R[1][1] + VARIANCE_FLOOR_M2),
+            Row((X, BX), (1.0, 1.0), z[0], R[0][0] + VARIANCE_FLOOR_M2),
+            Row((Y, BY), (1.0, 1.0), z[1], R[1][1] + VARIANCE_FLOOR_M2),
         )
     return bank.position_rows((z[0], z[1]), (R[0][0] + VARIANCE_FLOOR_M2, R[1][1] + VARIANCE_FLOOR_M2))
 
@@ -229,7 +240,7 @@ def _judge_horizontal(
         for k in range(2)
     ]
     R_xy = 0.0 if m.covariance_m2 is None else m.covariance_m2[0][1]
-    cross = R_xy + sum(ci * cj * now.P[i * SHARED + j] for i, ci in rows[0].terms for j, cj in rows[1].terms)
+    cross = R_xy + rows[0].cross(rows[1], now.P, SHARED)
     det = S[0] * S[1] - cross * cross
     nis = (y[0] * y[0] * S[1] - 2.0 * y[0] * y[1] * cross + y[1] * y[1] * S[0]) / det
     return nis, decisions, y
@@ -287,7 +298,7 @@ def _fuse_velocity(settings: TrackSettings, track: Track, m: PadMeasurement) -> 
         return
     R = m.velocity_sigma_m_s**2
     now = bank.combined(track.members)
-    rows = [Row(((VX, 1.0),), m.velocity_m_s[0], R), Row(((VY, 1.0),), m.velocity_m_s[1], R)]
+    rows = [Row((VX,), (1.0,), m.velocity_m_s[0], R), Row((VY,), (1.0,), m.velocity_m_s[1], R)]
     limit2 = settings.gate_sigmas**2
     kept = [row for row in rows if row.residual(now.x) ** 2 <= limit2 * row.variance(now.P, SHARED)]
     if kept:

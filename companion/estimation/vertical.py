@@ -36,7 +36,7 @@ class LevelGround:
         x[Z] += gain * x[VZ]
         x[VZ] *= fade
         x[BZ] *= decay
-        transform_covariance(P, 3, ROWS, COLUMNS, (gain, fade - 1.0, decay - 1.0), 3, [0.0] * 9)
+        transform_covariance(P, 3, ROWS, COLUMNS, (gain, fade - 1.0, decay - 1.0))
         vv = self.rate_sigma_m_s**2 * (1.0 - fade * fade)
         P[0] += vv * dt_s * dt_s / 3.0
         P[1] += 0.5 * vv * dt_s
@@ -47,8 +47,10 @@ class LevelGround:
 
 def update_height(x: Vector, P: Vector, z_m: float, R: float, *, biased: bool) -> None:
     """Fuse a height; `biased` when it is the beacon's."""
-    h = (1.0, 0.0, 1.0 if biased else 0.0)
-    update_scalar(x, P, 3, h, z_m - x[Z] - (x[BZ] if biased else 0.0), R, [0.0] * 3)
+    if biased:
+        update_scalar(x, P, 3, (Z, BZ), (1.0, 1.0), z_m - x[Z] - x[BZ], R, [0.0] * 3)
+    else:
+        update_scalar(x, P, 3, (Z,), (1.0,), z_m - x[Z], R, [0.0] * 3)
 
 
 def height_variance(P: Vector, R: float, *, biased: bool) -> float:
