@@ -70,10 +70,10 @@ def wire(value: float | None) -> float:
     return NAN if value is None else value
 
 
-def frame_is_valid(frame: bytes) -> bool:
-    """True where the checksum holds. A message we do not know cannot be checked: it passes and is ignored later."""
+def frame_is_valid(frame: bytes) -> bool | None:
+    """Whether the checksum holds; None for a message that we do not know, which cannot be checked."""
     definition = DEFINITIONS.get(message_id(frame))
-    return definition is None or _checksum_holds(frame, definition.crc_extra)
+    return None if definition is None else _checksum_holds(frame, definition.crc_extra)
 
 
 def message_id(frame: bytes) -> int:

@@ -1,7 +1,8 @@
 """Find MAVLink frames in bytes.
 
 Knows lengths and magic numbers only; whether a frame's checksum holds is the codec's business, passed in as `is_valid`
-so that a false magic byte inside garbage costs one byte and not a whole message. Datagrams start with a frame; what is
+so that a false magic byte inside garbage costs one byte and not a whole message. A frame whose message nobody knows cannot
+be checked: it counts only if the data end with it or another frame seems to follow. Datagrams start with a frame; what is
 left of one at its end is garbage. A stream (serial, TCP) keeps the beginning of a frame for the next read. Nothing here
 grows: the rest kept is shorter than one frame.
 """
@@ -36,7 +37,7 @@ def frame_length(data: bytes, start: int = 0) -> int | None:
 class FrameSplitter:
     """Bytes in, frames out. `bytes_skipped` counts what belonged to no frame."""
 
-    def __init__(self, is_valid: Callable[[bytes], bool], *, stream: bool) -> None:
+    def __init__(self, is_valid: Callable[[bytes], bool | None], *, stream: bool) -> None:
         self._is_valid = is_valid
         self._stream = stream
         self._rest = b""
@@ -56,7 +57,8 @@ class FrameSplitter:
                 position = self._incomplete(data, start)
                 continue
             frame = data[start : start + length]
-            if self._is_valid(frame):
+            valid = self._is_valid(frame)
+            if valid or (valid is None and _may_end_here(data, start + length)):
                 frames.append(frame)
                 position = start + length
             else:
@@ -71,6 +73,10 @@ class FrameSplitter:
             return len(data)
         self.bytes_skipped += min(1, len(data) - start)
         return start + 1
+
+
+def _may_end_here(data: bytes, end: int) -> bool:
+    return end == len(data) or data[end] in (MAGIC_V1, MAGIC_V2)
 
 
 def _next_magic(data: bytes, position: int) -> int:

@@ -95,6 +95,7 @@ class Session:
         self._sequence = 0
         self._outbox: list[bytes] = []
         self._inbox: list[SensorInput] = []
+        self._inbox_due_ns: int | None = None
         self._of_autopilot = self._autopilot_handlers()
         self._of_beacon = self._beacon_handlers()
 
@@ -119,7 +120,7 @@ class Session:
 
     def next_timer_ns(self) -> int | None:
         """When `handle_timer` is wanted next; never None, a heartbeat is always to come."""
-        due: list[int | None] = [self._heartbeat_due_ns, self._report_due_ns, self._commander.next_timer_ns()]
+        due = [self._heartbeat_due_ns, self._report_due_ns, self._commander.next_timer_ns(), self._inbox_due_ns]
         if self._connected and self._heard_ns is not None:
             due += [self._heard_ns + self._lost_after_ns, self._clocks.next_timer_ns()]
             due += [self._streams.next_timer_ns(), self.parameters.next_timer_ns()]
@@ -168,6 +169,7 @@ class Session:
         else:
             self._commander.ask(command, request_for(command, self._takeoff_altitude_m(command)), now_ns)
         self._drain_commands(now_ns)
+        self._inbox_due_ns = now_ns if self._inbox else None
 
     def _takeoff_altitude_m(self, command: VehicleCommand) -> float | None:
         """Metres above sea level; PX4 takes nothing else. None (its own default height) where no altitude is known."""
@@ -356,7 +358,7 @@ class Session:
         self._drain_commands(now_ns)
         self._check_link(now_ns)
         self._report_status(now_ns)
-        inbox, self._inbox = self._inbox, []
+        inbox, self._inbox, self._inbox_due_ns = self._inbox, [], None
         return inbox
 
     def _drain_commands(self, now_ns: int) -> None:

@@ -48,6 +48,7 @@ class PeerClock:
     def __init__(self) -> None:
         self.restarts = 0
         self.rejected = 0
+        self._last_sent_ns = -1
         self._round_trips_s: list[float] = []
         self._start_over()
 
@@ -65,6 +66,9 @@ class PeerClock:
 
     def add(self, *, sent_ns: int, boot_ns: int, received_ns: int) -> bool:
         """Fuse one exchange; False where it is impossible, too slow, or too far from what is known."""
+        if sent_ns <= self._last_sent_ns:
+            return False  # a duplicate, or overtaken by the answer to a later question
+        self._last_sent_ns = sent_ns
         round_trip_s = (received_ns - sent_ns) * 1e-9
         if not 0.0 <= round_trip_s <= LONGEST_ROUND_TRIP_S or boot_ns <= 0:
             self.rejected += 1
