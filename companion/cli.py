@@ -99,6 +99,39 @@ def run(
     )
 
 
+@app.command()
+def campaign(
+    file: Annotated[str, typer.Argument(help="Campaign file (configs/campaigns), or `rerun` before it.")],
+    again: Annotated[Path | None, typer.Argument(help="With `rerun`: the campaign file.", metavar="FILE")] = None,
+    sample: Annotated[int | None, typer.Option(help="With `rerun`: which sample to repeat exactly.")] = None,
+    workers: Annotated[int | None, typer.Option(help="Processes; default: one per core.")] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(help="Address of a dask scheduler instead of local processes.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder of the results; default: runs/campaign-<name>.")] = None,
+    runs: Annotated[Path, typer.Option(help="Where `rerun` makes its run folder.")] = Path("runs"),
+    as_json: Annotated[bool, typer.Option("--json", help="End with one line of JSON.")] = False,
+) -> None:
+    """Hundreds of seeded landings: scenario x parameters x seeds. Goes on where it was interrupted."""
+    from companion.campaign.command import rerun, run_campaign
+
+    console = Console(stderr=as_json, width=None if sys.stdout.isatty() else 160)
+    try:
+        if file == "rerun":
+            if again is None or sample is None:
+                _fail("campaign rerun needs a campaign file and --sample N")
+            figures = rerun(again, sample, runs, console)
+            _print_result(figures, as_json, console)
+            return
+        figures = run_campaign(Path(file), out=out, workers=workers, scheduler=scheduler, console=console)
+    except ValueError as error:
+        _fail(str(error))
+    except KeyboardInterrupt:
+        _fail("interrupted; the same command goes on with what is missing")
+    if as_json:
+        print(json.dumps(figures))
+
+
 @app.command("check-config")
 def check_config(config: ConfigFiles = None, settings: Settings = None) -> None:
     """Check configuration files and print the whole configuration as JSON."""

@@ -138,11 +138,11 @@ class Planning(_Section, frozen=True):
     min_thrust_to_weight: Fraction = 0.3
     max_body_rate_deg_s: Positive = 200.0
     end_times: Annotated[int, Meta(ge=1, le=1000)] = 40
-    horizon_s: Positive = 8.0
+    horizon_s: Positive = 12.0
     approach_directions: Annotated[int, Meta(ge=1, le=64)] = 5
     approach_speed_m_s: NonNegative = 0.2
     switch_distance_m: NonNegative = 0.1
-    duration_weight: NonNegative = 0.0
+    duration_weight: NonNegative = 2.0
     snap_threshold_m: Positive = 2.0
     snap_rounds: Annotated[int, Meta(ge=0, le=12)] = 4
     snap_split: Literal["all", "worst"] = "all"
@@ -238,15 +238,20 @@ class Config(_Section, frozen=True):
 
 def load(files: Sequence[Path] = (), overrides: Mapping[str, str] | None = None) -> Config:
     """Defaults, then each file in order, then `section.key=value` overrides; ConfigError says what is wrong and where."""
+    return load_with(files, {key: parse_value(text) for key, text in (overrides or {}).items()})
+
+
+def load_with(files: Sequence[Path], overrides: Mapping[str, Any]) -> Config:
+    """As `load`, with values instead of text."""
     merged: dict[str, Any] = {}
     origin = "defaults"
     for path in files:
         origin = str(path)
         merged = _overlay(merged, read_toml(path))
         _convert(merged, origin)
-    for key, text in (overrides or {}).items():
-        origin = f"override {key}={text}"
-        merged = _overlay(merged, _nested(key, parse_value(text)))
+    for key, value in overrides.items():
+        origin = f"override {key}={value}"
+        merged = _overlay(merged, _nested(key, value))
     return _convert(merged, origin)
 
 

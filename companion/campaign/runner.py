@@ -12,15 +12,15 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from sitl_stub.world import Datagram, Truth, World
-
 from companion.config import Config
 from companion.messages import CameraImage, CommandKind, Image, OperatorAction, PadNotSeen, Phase, VehicleCommand
 from companion.onboard import JournalEntry, Onboard
 from companion.vision import DETECTORS, Detector
 from companion.vision.lens import from_config
+from sitl_stub.datagram_faults import Datagram
 from sitl_stub.scenario import Scenario
 from sitl_stub.verdict import Verdict
+from sitl_stub.world import Truth, World
 
 STEP_S = 0.004
 CLOCK_OFFSET_NS = 5_000_000_000_000

@@ -1,0 +1,110 @@
+"""`companion campaign`: fly what is missing, show progress, print the table."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from companion.campaign.campaign_file import Campaign, Sample, fingerprint, load_campaign, samples
+from companion.campaign.engine import ResultsFile, default_workers, fly_all
+from companion.campaign.fly_sample import fly_sample
+from companion.campaign.statistics import CellStatistics, cell_statistics
+from companion.config import ConfigError
+
+
+def run_campaign(
+    path: Path, *, out: Path | None, workers: int | None, scheduler: str | None, console: Console
+) -> dict[str, Any]:
+    """The whole campaign; interrupted, it goes on at the next call. The result as for --json."""
+    campaign = load_campaign(path)
+    folder = out or Path("runs") / f"campaign-{campaign.name}"
+    results = ResultsFile(folder / "samples.jsonl", fingerprint(campaign))
+    todo = [sample for sample in samples(campaign) if sample.index not in results.rows]
+    console.print(
+        f"campaign {campaign.name}: {len(todo)} of {len(todo) + len(results.rows)} flights to fly, kept in {folder}"
+    )
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console, disable=not console.is_terminal) as progress:
+        task = progress.add_task("flights", total=len(todo))
+        for row in fly_all(todo, workers=workers or default_workers(), scheduler=scheduler):
+            results.add(row)
+            progress.advance(task)
+    cells = statistics_of(campaign, results)
+    console.print(table(campaign.name, cells))
+    return {"campaign": campaign.name, "results": str(folder), "cells": [asdict(cell) for cell in cells]}
+
+
+def statistics_of(campaign: Campaign, results: ResultsFile) -> list[CellStatistics]:
+    """One per cell, in the order of the file."""
+    by_cell: dict[str, list[dict[str, Any]]] = {}
+    for sample in samples(campaign):
+        row = results.rows.get(sample.index)
+        if row is not None:
+            by_cell.setdefault(sample.cell, []).append(row)
+    return [cell_statistics(cell, rows) for cell, rows in by_cell.items()]
+
+
+def table(title: str, cells: list[CellStatistics]) -> Table:
+    """For people. All figures are simulated."""
+    view = Table(title=f"{title} (simulated)", title_justify="left")
+    for name in (
+        "cell",
+        "n",
+        "landed",
+        "95 % interval",
+        "error p50 / p95 m",
+        "across p95 m/s",
+        "down p95 m/s",
+        "time s",
+        "other",
+    ):
+        view.add_column(name, justify="left" if name in ("cell", "other") else "right")
+    for cell in cells:
+        others = ", ".join(f"{name} {count}" for name, count in sorted(cell.outcomes.items()) if name != "landed")
+        view.add_row(
+            cell.cell,
+            str(cell.n),
+            f"{cell.landed / cell.n:.1%}",
+            f"{cell.wilson_low:.1%} .. {cell.wilson_high:.1%}",
+            f"{_text(cell.error_p50_m)} / {_text(cell.error_p95_m)}",
+            _text(cell.speed_horizontal_p95_m_s),
+            _text(cell.speed_vertical_p95_m_s),
+            _text(cell.time_p50_s, 1),
+            others,
+        )
+    return view
+
+
+def sample_of(path: Path, index: int) -> Sample:
+    """Sample number `index` of the campaign; ConfigError where there is none."""
+    for sample in samples(load_campaign(path)):
+        if sample.index == index:
+            return sample
+    raise ConfigError(f"{path}: has no sample {index}")
+
+
+def rerun(path: Path, index: int, runs: Path, console: Console) -> dict[str, Any]:
+    """Fly one sample again, exactly, with everything recorded."""
+    from companion.campaign.flight_sinks import ReportSink, TlogSink
+    from companion.campaign.summary import summary_line
+    from companion.io.run_folder import RunFolder
+    from companion.telemetry.report import report_html
+
+    sample = sample_of(path, index)
+    folder = RunFolder(runs, f"{path.stem}-sample-{index}")
+    report = ReportSink()
+    row = fly_sample(sample, sinks=(TlogSink(folder.tlog), report))
+    folder.write_run(row)
+    title = f"{path.stem}, sample {index}: {sample.cell}, seed {sample.seed}"
+    folder.report.write_text(report_html(report.record, row, title=title, line=summary_line(row)), encoding="utf-8")
+    console.print(f"kept in {folder.path}")
+    return row
+
+
+def _text(value: float | None, digits: int = 2) -> str:
+    return "-" if value is None else f"{value:.{digits}f}"

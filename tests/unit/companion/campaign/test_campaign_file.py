@@ -1,0 +1,64 @@
+"""A campaign file decides what sample N is, for ever."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from companion.campaign.campaign_file import fingerprint, load_campaign, samples
+from companion.campaign.engine import ResultsFile
+from companion.config import ConfigError
+
+TEXT = """
+name = "speeds"
+scenarios = ["line", "circle"]
+seeds = 3
+first_seed = 10
+[set]
+"control.lead_s" = 0.2
+[axes]
+"path.speed_m_s" = [1.0, 2.0]
+"app:control.position_gain_hz" = [0.8]
+"""
+
+
+def written(tmp_path: Path, text: str = TEXT) -> Path:
+    path = tmp_path / "campaign.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_every_combination_is_flown_with_every_seed(tmp_path: Path) -> None:
+    flown = list(samples(load_campaign(written(tmp_path))))
+    assert [sample.index for sample in flown] == list(range(2 * 2 * 3))
+    assert flown[4].seed == 11
+    assert flown[4].world == {"path.speed_m_s": 2.0}
+    assert flown[4].app == {"control.lead_s": 0.2, "control.position_gain_hz": 0.8}
+    assert flown[4].cell == "line path.speed_m_s=2.0 app:control.position_gain_hz=0.8"
+
+
+def test_fingerprint_follows_the_content(tmp_path: Path) -> None:
+    first = fingerprint(load_campaign(written(tmp_path)))
+    assert first == fingerprint(load_campaign(written(tmp_path)))
+    assert first != fingerprint(load_campaign(written(tmp_path, TEXT.replace("0.2", "0.3"))))
+
+
+@pytest.mark.parametrize(
+    ("text", "word"),
+    [("name = 'x'\nscenarios = []\n", "at least one"), ("name = 'x'\n", "scenarios"), ("sedes = 1\n" + TEXT, "sedes")],
+)
+def test_a_wrong_file_is_refused_with_what_is_wrong(tmp_path: Path, text: str, word: str) -> None:
+    with pytest.raises(ConfigError, match=word):
+        load_campaign(written(tmp_path, text))
+
+
+def test_results_survive_a_killed_writer_and_refuse_another_campaign(tmp_path: Path) -> None:
+    path = tmp_path / "samples.jsonl"
+    results = ResultsFile(path, "abc")
+    results.add({"sample": 0, "outcome": "landed"})
+    with path.open("a", encoding="utf-8") as file:
+        file.write('{"sample": 1, "outc')
+    assert ResultsFile(path, "abc").rows == {0: {"sample": 0, "outcome": "landed"}}
+    with pytest.raises(ValueError, match="another campaign"):
+        ResultsFile(path, "other")
