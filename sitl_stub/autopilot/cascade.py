@@ -118,6 +118,21 @@ class Cascade:
         self._invalid_for_s = 0.0
         self._is_in_air = False
 
+    def start_in_flight(
+        self,
+        hover_thrust: float,
+        attitude: Quaternion,
+        thrust: float,
+        velocity_ned_m_s: Vec3,
+        acceleration_ned_m_s2: Vec3,
+    ) -> None:
+        """Begin in steady flight: setpoints at the present state, full tilt, the velocity's derivative known."""
+        self.hover_thrust = hover_thrust
+        self.attitude_setpoint, self.thrust_setpoint = attitude, thrust
+        self.tilt_limit_rad = tilt_limit_rad(self._parameters, True)
+        self._last_velocity, self._velocity_derivative = velocity_ned_m_s, acceleration_ned_m_s2
+        self._is_in_air = True
+
     def step(
         self, dt_s: float, estimate: VehicleEstimate, setpoint: Setpoint | None, constraints: FlightConstraints
     ) -> Motors:

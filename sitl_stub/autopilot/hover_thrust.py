@@ -47,6 +47,11 @@ class HoverThrust:
         self._ratio = 0.0
         self._good_for_s = 0.0
 
+    def start(self, value: float, variance: float) -> None:
+        """Begin with an estimate that has already settled (starts in the air)."""
+        self.value, self.variance, self.is_valid = value, variance, True
+        self._noise = 1.0
+
     def update(self, acceleration_up: float, thrust_up: float, velocity_ned_m_s: Vec3, dt: float) -> None:
         """Fuse one pair of acceleration and thrust."""
         self.variance += self._process * dt * dt
