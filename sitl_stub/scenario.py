@@ -35,7 +35,7 @@ class ScenarioError(ValueError):
 class Vehicle(Section, frozen=True):
     """[vehicle]: which multirotor, with which parameters, and how the flight begins."""
 
-    airframe: str = "x500"
+    airframe: str = "sih_quadx"
     """A file of configs/airframes, or a path."""
     start: Literal["air", "ground", "deck"] = "air"
     """air: flying in AUTO.LOITER, armed. ground: standing, disarmed, at the origin. deck: standing on the pad, disarmed."""
@@ -43,6 +43,8 @@ class Vehicle(Section, frozen=True):
     """Height above the ground for start = "air"."""
     start_yaw_deg: float | None = None
     """Absent: seeded."""
+    cold_boot: bool = False
+    """Boot as the real one does, ready 4 s after power-on; false: ready at once."""
     parameters: dict[str, float | int] = msgspec.field(default_factory=dict)
     """PX4 parameters that differ from the airframe's."""
 
@@ -225,12 +227,21 @@ def find(folder: str, name: str) -> FilePath:
     """`name` as a path if it looks like one, else configs/<folder>/<name>.toml of the project or of the package."""
     if name.endswith(".toml") or "/" in name:
         return FilePath(name)
-    roots = [PROJECT / "configs" / folder, PROJECT / "companion" / "configs" / folder]
-    for root in roots:
+    for root in _roots(folder):
         if (root / f"{name}.toml").is_file():
             return root / f"{name}.toml"
-    known = sorted({file.stem for root in roots for file in root.glob("*.toml")})
+    known = names(folder)
     raise ScenarioError(f"{name!r} is not one of {folder}; {_allowed(name, known)}; or give a path that ends in .toml")
+
+
+def names(folder: str = "scenarios") -> list[str]:
+    """What `find` knows by name."""
+    return sorted({file.stem for root in _roots(folder) for file in root.glob("*.toml")})
+
+
+def _roots(folder: str) -> list[FilePath]:
+    """In a checkout, and in an installed package."""
+    return [PROJECT / "configs" / folder, PROJECT / "companion" / "configs" / folder]
 
 
 def read(file: FilePath) -> str:
