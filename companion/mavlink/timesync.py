@@ -6,7 +6,8 @@ is the best guess and half of the round trip beyond the shortest one seen is its
 below real time runs 0.5 to 5 % slow, 5 ms between two samples, while real oscillators differ by 1e-5.
 
 Instants are integers in nanoseconds; the filter works in seconds relative to its last sample so that floats keep their
-digits. A peer that rebooted or jumped makes a run of rejected samples that agree with each other: then it starts anew.
+digits. An answer cannot be further off than half of its round trip, so one that disagrees shows that the pace has changed,
+and the rate is opened for it. A peer that rebooted or jumped makes a run of impossible samples: then the filter starts anew.
 """
 
 from __future__ import annotations
@@ -22,7 +23,9 @@ FLOOR_SIGMA_S = 50e-6
 INITIAL_RATE_SIGMA = 0.03
 RATE_WALK_PER_SQRT_S = 0.005
 """How fast the speed of a simulator on a loaded machine changes; harmless for real clocks, whose samples are many."""
-GATE_SIGMA = 6.0
+GATE_SIGMA = 4.0
+JUMP_S = 0.25
+"""More than a change of pace explains within the time between two samples."""
 REJECTIONS_TO_RESTART = 4
 LONGEST_ROUND_TRIP_S = 1.0
 REBOOT_S = 2.0
@@ -99,9 +102,12 @@ class PeerClock:
         p_offset, p_cross, p_rate = self._predicted_covariance(abs(dt_s))
         innovation_s = (companion_ns - predicted_ns) * 1e-9
         variance = p_offset + sigma_s**2
-        if dt_s <= 0.0 or innovation_s**2 > GATE_SIGMA**2 * variance:
+        if dt_s <= 0.0 or abs(innovation_s) > JUMP_S + sigma_s:
             self._reject()
             return False
+        if innovation_s**2 > GATE_SIGMA**2 * variance:
+            p_offset, p_cross, p_rate = _pace_changed(p_offset, p_cross, p_rate, innovation_s, dt_s)
+            variance = p_offset + sigma_s**2
         k_offset, k_rate = p_offset / variance, p_cross / variance
         self._boot_ns = boot_ns
         self._companion_ns = predicted_ns + round(k_offset * innovation_s * 1e9)
@@ -163,3 +169,11 @@ class PeerClock:
             rejected=self.rejected,
             restarts=self.restarts,
         )
+
+
+def _pace_changed(
+    p_offset: float, p_cross: float, p_rate: float, innovation_s: float, dt_s: float
+) -> tuple[float, float, float]:
+    """The covariance with the innovation added as an error of the rate over the last `dt_s`."""
+    rate_error = innovation_s / dt_s
+    return (p_offset + innovation_s**2, p_cross + innovation_s * rate_error, p_rate + rate_error**2)
