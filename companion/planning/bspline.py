@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -25,8 +25,9 @@ from companion.planning.limits import (
     ProvenBounds,
     bounds_of_control_points,
     excess,
+    widest,
 )
-from companion.planning.obstacle import Obstacle, centre_at, hull_is_clear
+from companion.planning.obstacle import Obstacle, centre_at, hull_is_clear, moved
 from companion.planning.proof import in_cone, pad_velocities
 from companion.planning.request import DescentCone, NoPlan, Plan, PlanRequest
 from companion.planning.trajectory import Piece, Trajectory
@@ -38,6 +39,8 @@ Points = tuple[list[float], list[float], list[float]]
 
 GROWTH_MIN, GROWTH_MAX = 1.04, 1.6
 REFINEMENTS = 4
+TOP_SPEED_SHARE = 0.3
+"""Share of the descent limit at which a plan passes the top of the descent cone."""
 CLEARANCE = 1.05
 """Free control points are pushed this much further than the volume's radius."""
 
@@ -156,15 +159,41 @@ class BSplinePlanner:
 
     def plan(self, request: PlanRequest) -> Plan | NoPlan:
         """A Plan, or NoPlan with what binds at the duration that came nearest."""
-        nearest: Attempt | None = None
+        impossible = start_problem(request)
+        if impossible:
+            return NoPlan("bspline", request.t_ns, impossible)
+        attempts = []
         for push in _detours(request):
-            found = self._shortest(request, push)
-            if found.holds:
-                return self._finish(request, found)
-            if nearest is None or found.slowdown < nearest.slowdown:
-                nearest = found
-        assert nearest is not None
+            attempts.append(self._shortest(request, push))
+            if attempts[-1].holds:
+                return self._finish(request, attempts[-1])
+        if request.cone is not None and -request.position_m[2] >= request.cone.top_m:
+            return self._by_the_top(request, request.cone)
+        nearest = min(attempts, key=lambda attempt: attempt.slowdown)
         return NoPlan("bspline", request.t_ns, f"{nearest.reason} (at {nearest.duration_s:.1f} s)")
+
+    def _by_the_top(self, request: PlanRequest, cone: DescentCone) -> Plan | NoPlan:
+        """Two plans in a row: over the pad above the cone's top, then down inside it."""
+        speed = TOP_SPEED_SHARE * max(0.0, request.limits.max_descent_m_s - request.pad_velocity_m_s[2])
+        gate, sinking = (0.0, 0.0, -cone.top_m), (0.0, 0.0, speed)
+        above = replace(request.limits, floor_m=max(cone.top_m, request.limits.floor_m or 0.0))
+        first = self.plan(replace(request, goal_position_m=gate, goal_velocity_m_s=sinking, cone=None, limits=above))
+        if isinstance(first, NoPlan):
+            return replace(first, reason=f"to the top of the cone: {first.reason}")
+        used = first.trajectory.duration_s
+        onwards = replace(
+            request,
+            t_ns=first.trajectory.end_ns,
+            position_m=gate,
+            velocity_m_s=sinking,
+            acceleration_m_s2=ZERO,
+            obstacles=tuple(moved(o, request.pad_velocity_m_s, used) for o in request.obstacles),
+            max_duration_s=request.max_duration_s - used,
+        )
+        attempt = self._shortest(onwards, ZERO)
+        if not attempt.holds:
+            return NoPlan("bspline", request.t_ns, f"down the cone: {attempt.reason}")
+        return _joined(first, self._finish(onwards, attempt))
 
     def _shortest(self, request: PlanRequest, push: Vec3) -> Attempt:
         """Grow the duration until the limits hold, then halve the last step."""
@@ -213,6 +242,30 @@ class BSplinePlanner:
             cost=_jerk_cost(shape, attempt.jerk_points, h),
             control_points_m=tuple(zip(*attempt.points, strict=True)),
         )
+
+
+def start_problem(request: PlanRequest) -> str:
+    """Why no plan at all can hold the request's geometry from where the vehicle is; empty where one may."""
+    start = (request.position_m,)
+    if request.cone is not None and not in_cone(request.cone, list(start)):
+        return "starts beside the descent cone, below its top"
+    view = request.field_of_view
+    if view and not pad_in_view(view, start, (request.acceleration_m_s2,), request.pad_acceleration_m_s2):
+        return "the pad is not in view at the start"
+    return ""
+
+
+def _joined(first: Plan, second: Plan) -> Plan:
+    """One plan out of two that follow each other."""
+    early, late = first.trajectory, second.trajectory
+    breaks = early.breaks_s + tuple(early.duration_s + t for t in late.breaks_s[1:])
+    return Plan(
+        method=first.method,
+        trajectory=Trajectory(early.start_ns, breaks, early.pieces + late.pieces),
+        proven=widest(first.proven, second.proven),
+        cost=first.cost + second.cost,
+        control_points_m=first.control_points_m + second.control_points_m,
+    )
 
 
 def _first_guess(request: PlanRequest) -> float:

@@ -185,3 +185,18 @@ def capped(bounds: ProvenBounds, limits: Limits) -> ProvenBounds:
         body_rate_rad_s=min(bounds.body_rate_rad_s, limits.max_body_rate_rad_s),
         relative_speed_m_s=min(bounds.relative_speed_m_s, limits.relative_speed_m_s),
     )
+
+
+def widest(a: ProvenBounds, b: ProvenBounds) -> ProvenBounds:
+    """Bounds of two plans flown one after the other."""
+    return ProvenBounds(
+        speed_m_s=max(a.speed_m_s, b.speed_m_s),
+        climb_m_s=max(a.climb_m_s, b.climb_m_s),
+        descent_m_s=max(a.descent_m_s, b.descent_m_s),
+        acceleration_m_s2=max(a.acceleration_m_s2, b.acceleration_m_s2),
+        jerk_m_s3=max(a.jerk_m_s3, b.jerk_m_s3),
+        thrust_max_m_s2=max(a.thrust_max_m_s2, b.thrust_max_m_s2),
+        thrust_min_m_s2=min(a.thrust_min_m_s2, b.thrust_min_m_s2),
+        body_rate_rad_s=max(a.body_rate_rad_s, b.body_rate_rad_s),
+        relative_speed_m_s=max(a.relative_speed_m_s, b.relative_speed_m_s),
+    )

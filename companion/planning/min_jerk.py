@@ -37,9 +37,9 @@ class MinJerkPlanner:
         end_times: int = 40,
         approaches: int = 5,
         approach_speed_m_s: float = 0.2,
-        horizon_s: float = 8.0,
+        horizon_s: float = 12.0,
         switch_distance_m: float = 0.1,
-        duration_weight: float = 0.0,
+        duration_weight: float = 2.0,
     ) -> None:
         self._end_times = end_times
         self._end_velocities = approach_velocities(approaches, approach_speed_m_s)

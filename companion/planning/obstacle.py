@@ -41,6 +41,14 @@ def centre_at(obstacle: Obstacle, pad_velocity_m_s: Vec3, t_s: float) -> Vec3:
     return (x - pad_velocity_m_s[0] * t_s, y - pad_velocity_m_s[1] * t_s, z)
 
 
+def moved(obstacle: Obstacle, pad_velocity_m_s: Vec3, t_s: float) -> Obstacle:
+    """The same volume as a plan sees it that starts `t_s` later."""
+    x, y, z = centre_at(obstacle, pad_velocity_m_s, t_s)
+    if isinstance(obstacle, Sphere):
+        return Sphere((x, y, z), obstacle.radius_m)
+    return Cylinder((x, y), obstacle.radius_m, obstacle.top_m)
+
+
 def hull_is_clear(obstacle: Obstacle, offsets_m: Sequence[Vec3], points_z_m: Sequence[float]) -> bool:
     """True where the convex hull of points surely misses the volume.
 
