@@ -1,0 +1,501 @@
+"""One simulated PX4: takes MAVLink bytes and the truth, gives motor commands and MAVLink bytes.
+
+Order of a step: estimate, commander (mode, arming, failsafe), flight task of the mode, take-off ramp, control cascade, land detector,
+messages. `step` is to be called every 4 ms with the boot clock; nothing here knows another clock. W local NED, B FRD. World drives it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from math import isfinite, nan
+
+import numpy as np
+
+from sitl_stub.airframe import Airframe
+from sitl_stub.autopilot import events
+from sitl_stub.autopilot.arming import Health
+from sitl_stub.autopilot.auto_flight import AutoFlight
+from sitl_stub.autopilot.battery import Battery
+from sitl_stub.autopilot.cascade import Cascade, FlightConstraints
+from sitl_stub.autopilot.commander import Commander, Conditions
+from sitl_stub.autopilot.commands import Command, Result
+from sitl_stub.autopilot.estimate import EstimateErrors, Estimator
+from sitl_stub.autopilot.home import Home
+from sitl_stub.autopilot.land import Land
+from sitl_stub.autopilot.land_detector import LandDetector, LandDetectorInput
+from sitl_stub.autopilot.loiter import Loiter
+from sitl_stub.autopilot.manual_control import ManualControl, Sticks
+from sitl_stub.autopilot.mixer import Motors
+from sitl_stub.autopilot.modes import NavState
+from sitl_stub.autopilot.navigation import NavigationTarget, Route, Situation, TargetKind
+from sitl_stub.autopilot.noise import NormalTape
+from sitl_stub.autopilot.offboard import LocalTarget, OffboardStream
+from sitl_stub.autopilot.parameters import Parameters
+from sitl_stub.autopilot.pilot_flight import PilotFlight
+from sitl_stub.autopilot.precland import LandingTarget, Precland
+from sitl_stub.autopilot.rtl import Rtl
+from sitl_stub.autopilot.setpoint import AttitudeSetpoint, RatesSetpoint, Setpoint, TrajectorySetpoint
+from sitl_stub.autopilot.takeoff import TakeoffRamp, TakeoffState
+from sitl_stub.autopilot.takeoff_route import TakeoffRoute
+from sitl_stub.geodesy import Origin
+from sitl_stub.mavlink_endpoint import MavlinkEndpoint
+from sitl_stub.multirotor import VehicleTruth
+from sitl_stub.telemetry import IN_AIR, LANDING, ON_GROUND, TAKEOFF, Telemetry
+
+_STOPPED: Motors = (0.0, 0.0, 0.0, 0.0)
+_CAN_ARM_AFTER_US = 4_000_000
+_POSITION_VALID_WITHOUT_GPS_US = 5_000_000
+_GROUND_STATION_NOTICE_US = 1_000_000
+_IGNORE_RATES = 0x07
+_IGNORE_ATTITUDE = 0x80
+
+_PILOT_MODES = frozenset({NavState.MANUAL, NavState.ALTCTL, NavState.POSCTL, NavState.ACRO, NavState.STABILIZED})
+_SWITCH_MODES = {
+    "hold": NavState.AUTO_LOITER,
+    "position": NavState.POSCTL,
+    "altitude": NavState.ALTCTL,
+    "manual": NavState.STABILIZED,
+    "land": NavState.AUTO_LAND,
+    "return": NavState.AUTO_RTL,
+    "offboard": NavState.OFFBOARD,
+}
+
+
+def _default_origin() -> Origin:
+    return Origin(47.397742, 8.545594, 489.4)
+
+
+@dataclass(frozen=True, slots=True)
+class AutopilotOptions:
+    """How this PX4 differs from the recorded one."""
+
+    origin: Origin = field(default_factory=_default_origin)
+    """Where W's origin lies."""
+    errors: EstimateErrors = field(default_factory=EstimateErrors)
+    home_error_scale: float = 1.0
+    """Wandering of the home altitude (relative_alt); 0 switches it off."""
+    imu_noise_scale: float = 1.0
+    ground_link: bool = True
+    """PX4 sends on its ground link even when nobody listens; False saves the time."""
+    cold_boot: bool = True
+    """Boot as the real one does (ready 4 s after power-on); False: ready at once."""
+    has_range_sensor: bool = True
+    unix_start_us: int = 1_795_360_881_000_000
+    """Wall-clock time at boot, as GNSS would tell it."""
+
+
+class Autopilot:
+    """The flight controller of one multirotor.
+
+    `parameters` override the airframe's, which override PX4's defaults; an unknown name raises KeyError.
+    """
+
+    def __init__(
+        self,
+        airframe: Airframe,
+        parameters: Mapping[str, float | int] | None = None,
+        rng: np.random.Generator | None = None,
+        options: AutopilotOptions = AutopilotOptions(),
+    ) -> None:
+        rng = np.random.default_rng(0) if rng is None else rng
+        estimate_rng, home_rng, imu_rng = rng.spawn(3)
+        self.options = options
+        self.parameters = Parameters({**airframe.parameters, **(parameters or {})})
+        values = self.parameters.as_mapping()
+        self.estimator = Estimator(values, estimate_rng, options.errors)
+        self.cascade = Cascade(values)
+        self.battery = Battery(self.parameters)
+        self.manual_control = ManualControl(self.parameters)
+        self.offboard = OffboardStream()
+        self.land_detector = LandDetector(self.parameters)
+        self.takeoff = TakeoffRamp(self.parameters)
+        self.home = Home(options.origin.altitude_m, NormalTape(home_rng), options.home_error_scale)
+        self.commander = Commander(self.parameters, self._tell)
+        self.landing_target = LandingTarget()
+        self._auto_flight = AutoFlight(self.parameters)
+        self._pilot_flight = PilotFlight(self.parameters)
+        self._constraints = FlightConstraints()
+        self._pilot_sticks: Sticks | None = None
+        self._offboard_attitude: AttitudeSetpoint | RatesSetpoint | None = None
+        self._route: Route | None = None
+        self._flown: tuple[NavState, int] | None = None
+        self._target: NavigationTarget | None = None
+        self._setpoint: Setpoint | None = None
+        self._t_us = 0
+        self._without_gps_us: int | None = None
+        self._position_is_valid = False
+        self._armings_seen = 0
+        self._resets_seen = (0, 0)
+        self._ground_station_lost = False
+        self._descent_m_s: float | None = None
+        self.telemetry = Telemetry(
+            self.estimator.estimate,
+            self.commander,
+            self.battery,
+            self.home,
+            options.origin,
+            NormalTape(imu_rng),
+            options.imu_noise_scale,
+            options.unix_start_us,
+            has_range_sensor=options.has_range_sensor,
+        )
+        self.endpoint = MavlinkEndpoint(
+            self.telemetry,
+            self.parameters,
+            self,
+            ground_link=options.ground_link,
+            cold_boot=options.cold_boot,
+        )
+        self.parameters.on_change(self._refresh)
+
+    # World's side -------------------------------------------------------------------------------------------------
+
+    @property
+    def is_armed(self) -> bool:
+        return self.commander.armed
+
+    @property
+    def mode_name(self) -> str:
+        """PX4's name of the mode that is executed, such as OFFBOARD or AUTO_LOITER."""
+        return self.commander.nav_state.name
+
+    def receive(self, link: str, data: bytes, t_us: int) -> None:
+        """Bytes that came on a link ("onboard" or "ground") at t_us."""
+        self._t_us = self.telemetry.t_us = max(t_us, self._t_us)
+        self.endpoint.receive(link, data)
+
+    def datagrams(self) -> list[tuple[str, bytes]]:
+        """Datagrams to send since the last call, each with its link."""
+        return self.endpoint.drain()
+
+    def begin_in_air(self, truth: VehicleTruth, t_us: int = 0) -> None:
+        """Start of a scenario in flight: armed, AUTO.LOITER, hovering where the vehicle is."""
+        self._t_us = t_us
+        self.estimator.settle(truth)
+        estimate = self.estimator.step(t_us, truth, None, 0.004)
+        x, y, _ = estimate.position_ned_m
+        self.home.set_here((x, y, 0.0), estimate.yaw_rad, t_us)
+        self.commander.begin_in_air(t_us)
+        self._armings_seen = self.commander.armings
+        self.land_detector.begin_in_air(t_us)
+        self.takeoff.update(t_us, True, False, True, skip=True)
+
+    def set_pilot(self, sticks: Sticks | None, *, mode: str | None = None, kill: bool = False) -> None:
+        """A radio with a pilot: sticks from now on (None: radio off), mode switch if given, kill switch.
+
+        `mode` is hold, position, altitude, manual, land, return or offboard; ValueError for anything else.
+        """
+        self._pilot_sticks = sticks
+        self.manual_control.kill = kill
+        if sticks is not None:
+            self.manual_control.receive(sticks, self._t_us)
+        if mode is None:
+            return
+        if mode not in _SWITCH_MODES:
+            raise ValueError(f"pilot mode {mode!r}: must be one of {', '.join(_SWITCH_MODES)}")
+        self._refresh_health(self._t_us)
+        self.commander.request_mode(_SWITCH_MODES[mode])
+
+    def step(self, t_us: int, truth: VehicleTruth, range_m: float | None, dt_s: float) -> Motors:
+        """Advance to t_us and return the motor commands, 0 to 1."""
+        self._t_us = self.telemetry.t_us = t_us
+        estimate = self.estimator.step(t_us, truth, range_m, dt_s)
+        self.battery.step(dt_s, self.commander.armed)
+        if self._pilot_sticks is not None:
+            self.manual_control.receive(self._pilot_sticks, t_us)
+        self._follow_jumps()
+        self.commander.step(self._conditions(t_us))
+        self._set_home(t_us)
+        self._setpoint = self._fly(t_us, dt_s)
+        motors = self._control(t_us, dt_s)
+        self._detect_landing(t_us)
+        self._fill_telemetry(truth, range_m, motors)
+        self.endpoint.step(t_us)
+        assert estimate is self.telemetry.estimate
+        return motors
+
+    # What the endpoint hands over ---------------------------------------------------------------------------------
+
+    def handle_command(self, command: Command) -> Result | None:
+        """The commander's answer, with health as it is now."""
+        return self.commander.handle(command)
+
+    def receive_local_target(self, target: LocalTarget) -> None:
+        """SET_POSITION_TARGET_LOCAL_NED."""
+        notice = self.offboard.receive(target, self.estimator.estimate.yaw_rad, self._t_us)
+        if notice is not None:
+            self._tell(notice)
+        else:
+            self._offboard_attitude = None
+
+    def receive_attitude_target(
+        self, q_ned_frd: tuple[float, float, float, float], rates: tuple[float, float, float], thrust: float, mask: int
+    ) -> None:
+        """SET_ATTITUDE_TARGET: attitude, or rates when the attitude is ignored."""
+        if not isfinite(thrust):
+            return
+        if mask & _IGNORE_ATTITUDE:
+            self._offboard_attitude = RatesSetpoint(rates, thrust)
+        else:
+            yaw_rate = 0.0 if mask & 4 or not isfinite(rates[2]) else rates[2]
+            self._offboard_attitude = AttitudeSetpoint(q_ned_frd, thrust, yaw_rate)
+        self.offboard.keep_alive(self._t_us)
+
+    def receive_landing_target(self, x_m: float, y_m: float, z_m: float) -> None:
+        """LANDING_TARGET in local NED."""
+        self.landing_target.receive(x_m, y_m, z_m, self._t_us)
+
+    def receive_sticks(self, sticks: Sticks) -> None:
+        """MANUAL_CONTROL."""
+        self.manual_control.receive(sticks, self._t_us)
+
+    def _tell(self, notice: events.Notice) -> None:
+        self.endpoint.tell(notice)
+
+    def _refresh(self, name: str) -> None:
+        self.cascade.refresh()
+        self.estimator.refresh()
+        self._auto_flight.refresh()
+        self.land_detector.refresh()
+
+    # Conditions ---------------------------------------------------------------------------------------------------
+
+    def _refresh_health(self, t_us: int) -> Health:
+        if self.estimator.gnss_available:
+            self._without_gps_us = None
+        elif self._without_gps_us is None:
+            self._without_gps_us = t_us
+        lost_for_us = 0 if self._without_gps_us is None else t_us - self._without_gps_us
+        ready = not self.options.cold_boot or t_us >= _CAN_ARM_AFTER_US
+        self._position_is_valid = ready and lost_for_us <= _POSITION_VALID_WITHOUT_GPS_US
+        return Health(
+            is_ready=ready,
+            has_position=self._position_is_valid,
+            has_offboard=self.offboard.is_alive(t_us, self.parameters.get("COM_OF_LOSS_T")),
+            has_sticks=self.manual_control.is_alive(t_us),
+            has_ground_station=self._has_ground_station(t_us),
+            is_terminated=self.commander.terminated,
+        )
+
+    def _has_ground_station(self, t_us: int) -> bool:
+        seen = self.endpoint.ground_station_seen_us
+        return (
+            seen is not None and t_us - seen <= self.parameters.get("COM_DL_LOSS_T") * 1e6 + _GROUND_STATION_NOTICE_US
+        )
+
+    def _conditions(self, t_us: int) -> Conditions:
+        health = self._refresh_health(t_us)
+        nav_state = self.commander.nav_state
+        lost = self.endpoint.ground_station_seen_us is not None and not health.has_ground_station
+        if lost and not self._ground_station_lost:
+            self._tell(events.ground_station_lost())
+        self._ground_station_lost = lost
+        takes_over = nav_state not in _PILOT_MODES and self.manual_control.takes_over(
+            t_us, in_offboard=nav_state is NavState.OFFBOARD
+        )
+        if takes_over:
+            self.manual_control.note_rest()
+        return Conditions(
+            t_us,
+            health,
+            self.land_detector.landed,
+            sticks_lost=self.manual_control.was_seen and not health.has_sticks,
+            ground_station_lost=lost,
+            battery_warning=self.battery.warning(),
+            pilot_takes_over=takes_over,
+            kill=self.manual_control.kill,
+        )
+
+    def _set_home(self, t_us: int) -> None:
+        estimate = self.estimator.estimate
+        newly_armed = self.commander.armings != self._armings_seen
+        if newly_armed or (not self.home.is_set and self.commander.health.is_ready):
+            self._armings_seen = self.commander.armings
+            self.home.set_here(estimate.position_ned_m, estimate.yaw_rad, t_us)
+        self.home.step(t_us, self.commander.armed and not self.land_detector.landed)
+
+    def _follow_jumps(self) -> None:
+        estimate = self.estimator.estimate
+        seen = (estimate.position_xy_resets, estimate.position_z_resets)
+        if seen == self._resets_seen:
+            return
+        north, east = estimate.position_xy_jump_m if seen[0] != self._resets_seen[0] else (0.0, 0.0)
+        down = estimate.position_z_jump_m if seen[1] != self._resets_seen[1] else 0.0
+        self._auto_flight.shift((north, east, down))
+        self._resets_seen = seen
+
+    # Flight tasks -------------------------------------------------------------------------------------------------
+
+    def _situation(self, t_us: int, dt_s: float) -> Situation:
+        estimate = self.estimator.estimate
+        return Situation(
+            t_us,
+            dt_s,
+            estimate.position_ned_m,
+            estimate.velocity_ned_m_s,
+            estimate.yaw_rad,
+            estimate.height_above_bottom_m,
+            self.home.position_ned_m,
+            self.home.altitude_amsl_m,
+            self.land_detector.landed,
+            self.parameters,
+            self._tell,
+        )
+
+    def _fly(self, t_us: int, dt_s: float) -> Setpoint | None:
+        commander = self.commander
+        if not commander.armed:
+            self._target = None
+            self._flown = None
+            return None
+        mode = commander.nav_state
+        if mode is NavState.OFFBOARD:
+            self._leave_route(mode)
+            return self._fly_offboard()
+        if mode is NavState.TERMINATION:
+            return None
+        situation = self._situation(t_us, dt_s)
+        if mode in _PILOT_MODES:
+            return self._fly_by_hand(mode, situation)
+        if mode is NavState.DESCEND:
+            self._leave_route(mode)
+            self._descent_m_s = self.parameters.get("MPC_LAND_SPEED")
+            return TrajectorySetpoint((nan, nan, nan), (nan, nan, self._descent_m_s), (0.0, 0.0, nan), nan, nan)
+        return self._fly_automatically(mode, situation)
+
+    def _leave_route(self, mode: NavState) -> None:
+        self._target = None
+        self._flown = (mode, self.commander.mode_changes)
+
+    def _fly_offboard(self) -> Setpoint | None:
+        if self._offboard_attitude is not None:
+            self._descent_m_s = None
+            return self._offboard_attitude
+        setpoint = self.offboard.setpoint
+        vz = nan if setpoint is None else setpoint.velocity_ned_m_s[2]
+        self._descent_m_s = vz if isfinite(vz) else None
+        return setpoint
+
+    def _fly_by_hand(self, mode: NavState, situation: Situation) -> Setpoint:
+        key = (mode, self.commander.mode_changes)
+        if self._flown is None or self._flown[0] is not mode:
+            self._pilot_flight.start(situation)
+        self._flown = key
+        self._target = None
+        sticks = self.manual_control.sticks
+        setpoint = self._pilot_flight.update(mode, situation, sticks)
+        vz = setpoint.velocity_ned_m_s[2] if isinstance(setpoint, TrajectorySetpoint) else nan
+        self._descent_m_s = vz if isfinite(vz) else None
+        return setpoint
+
+    def _fly_automatically(self, mode: NavState, situation: Situation) -> Setpoint:
+        self._enter_route(mode, situation)
+        assert self._route is not None
+        if self.takeoff.state < TakeoffState.RAMP_UP:
+            # On the ground the task begins again each step, so that the climb starts with the ramp.
+            self._auto_flight.start(situation)
+        self._target = self._route.update(situation)
+        if self._route.done and mode is NavState.AUTO_TAKEOFF:
+            self.commander.finish_takeoff()
+        setpoint = self._auto_flight.update(situation, self._target)
+        self._descent_m_s = setpoint.velocity_ned_m_s[2]
+        return setpoint
+
+    def _enter_route(self, mode: NavState, situation: Situation) -> None:
+        again = (
+            mode is NavState.AUTO_TAKEOFF and self._flown is not None and self._flown[1] != self.commander.mode_changes
+        )
+        if self._flown is not None and self._flown[0] is mode and not again:
+            return
+        was_automatic = self._target is not None
+        if not was_automatic:
+            self._auto_flight.start(situation)
+        self._route = _ROUTES[mode](self)
+        self._route.enter(situation, self._target)
+        self._flown = (mode, self.commander.mode_changes)
+
+    # Control ------------------------------------------------------------------------------------------------------
+
+    @property
+    def _task_wants_takeoff(self) -> bool:
+        mode = self.commander.nav_state
+        if mode is NavState.OFFBOARD:
+            if self._offboard_attitude is not None:
+                return self._offboard_attitude.thrust > 0.0
+            return self.offboard.wants_takeoff(self.estimator.estimate.position_ned_m[2], self._t_us)
+        if mode in _PILOT_MODES:
+            return self._pilot_flight.wants_takeoff(self.manual_control.sticks)
+        return self._target is not None and self._target.kind is TargetKind.TAKEOFF
+
+    def _control(self, t_us: int, dt_s: float) -> Motors:
+        commander, c = self.commander, self._constraints
+        landed = self.land_detector.landed
+        state = self.takeoff.update(
+            t_us, commander.armed, landed, commander.armed and self._task_wants_takeoff, skip=self._skips_ramp
+        )
+        climb_max = self.parameters.get("MPC_Z_VEL_MAX_UP")
+        c.armed = commander.armed
+        c.landed = landed
+        c.maybe_landed = self.land_detector.maybe_landed
+        c.is_flying = state is TakeoffState.FLIGHT
+        c.thrust_off = state < TakeoffState.RAMP_UP or (c.is_flying and self.land_detector.ground_contact)
+        c.climb_limit_m_s = self.takeoff.climb_limit_m_s(dt_s, climb_max) if state is TakeoffState.RAMP_UP else nan
+        motors = self.cascade.step(dt_s, self.estimator.estimate, self._setpoint, c)
+        if commander.terminated or commander.killed:
+            return _STOPPED
+        return motors
+
+    @property
+    def _skips_ramp(self) -> bool:
+        """Modes that command thrust directly have no ramp."""
+        mode = self.commander.nav_state
+        return mode in (NavState.MANUAL, NavState.STABILIZED, NavState.ACRO) and not self.land_detector.landed
+
+    def _detect_landing(self, t_us: int) -> None:
+        if self.commander.terminated and self.commander.armed:
+            return
+        estimate = self.estimator.estimate
+        rates = estimate.angular_velocity_frd_rad_s
+        seen = LandDetectorInput(
+            estimate.velocity_ned_m_s,
+            (rates[0], rates[1]),
+            self._descent_m_s,
+            self.cascade.thrust_setpoint,
+            estimate.height_above_bottom_m,
+            estimate.has_velocity,
+        )
+        self.land_detector.update(t_us, self.commander.armed, seen)
+
+    # Telemetry ----------------------------------------------------------------------------------------------------
+
+    def _landed_state(self) -> int:
+        if self.land_detector.landed:
+            return ON_GROUND
+        if self._target is None:
+            return IN_AIR
+        return {TargetKind.LAND: LANDING, TargetKind.TAKEOFF: TAKEOFF}.get(self._target.kind, IN_AIR)
+
+    def _fill_telemetry(self, truth: VehicleTruth, range_m: float | None, motors: Motors) -> None:
+        t, cascade = self.telemetry, self.cascade
+        t.truth = truth
+        t.range_m = range_m
+        t.motors = motors
+        t.landed_state = self._landed_state()
+        t.attitude_setpoint = cascade.attitude_setpoint
+        t.rates_setpoint = cascade.rates_setpoint_frd_rad_s
+        t.thrust = cascade.thrust_setpoint
+        t.position_setpoint = cascade.position_setpoint
+        t.has_gps = self.estimator.gnss_available
+        t.estimate_resets = sum(self._resets_seen) + self.estimator.estimate.yaw_resets
+
+
+_ROUTES: dict[NavState, Callable[[Autopilot], Route]] = {
+    NavState.AUTO_LOITER: lambda autopilot: Loiter(),
+    NavState.AUTO_FOLLOW: lambda autopilot: Loiter(),
+    NavState.AUTO_MISSION: lambda autopilot: Loiter(),
+    NavState.AUTO_TAKEOFF: lambda autopilot: TakeoffRoute(autopilot.commander.takeoff_altitude_amsl_m),
+    NavState.AUTO_LAND: lambda autopilot: Land(),
+    NavState.AUTO_RTL: lambda autopilot: Rtl(),
+    NavState.AUTO_PRECLAND: lambda autopilot: Precland(autopilot.landing_target),
+}

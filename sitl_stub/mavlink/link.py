@@ -1,0 +1,113 @@
+"""One MAVLink link of the vehicle: sequence number, what goes out, and the timetable of its streams.
+
+Streams are kept in a heap by their next due time, so a step costs only what is due. Times are the boot clock, microseconds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from heapq import heapify, heappop, heappush
+
+from sitl_stub.mavlink.definitions import MessageType
+from sitl_stub.mavlink.frame import FrameReader, encode
+from sitl_stub.mavlink.signing import Signing
+
+DISABLED = -1
+
+
+@dataclass(slots=True)
+class Stream:
+    """One message sent again and again; `interval_us` DISABLED means not at all."""
+
+    message_type: MessageType
+    default_interval_us: int
+    interval_us: int
+    generation: int = 0
+    last_sent_us: int = -1
+
+
+class Link:
+    """State of one link; `out` holds the datagrams since it was last drained."""
+
+    def __init__(self, name: str, system_id: int, component_id: int) -> None:
+        self.name = name
+        self.reader = FrameReader()
+        self.signing = Signing()
+        self.out: list[bytes] = []
+        self.streams: dict[int, Stream] = {}
+        self.enabled = True
+        self.ground_station_seen_us: int | None = None
+        self.messages_sent = 0
+        self.messages_received = 0
+        self.bytes_sent = 0
+        self.bytes_received = 0
+        self._sequence = 0
+        self._system_id = system_id
+        self._component_id = component_id
+        self._due: list[tuple[int, int, int, Stream]] = []
+        self._order = 0
+
+    def send(self, message_type: MessageType, payload: bytes) -> None:
+        """Frame a payload and put it on the way."""
+        if not self.enabled:
+            return
+        if self.signing.is_active:
+            frame = self.signing.sign(
+                encode(message_type, payload, self._sequence, self._system_id, self._component_id, 1)
+            )
+        else:
+            frame = encode(message_type, payload, self._sequence, self._system_id, self._component_id)
+        self._sequence = (self._sequence + 1) & 0xFF
+        self.messages_sent += 1
+        self.bytes_sent += len(frame)
+        self.out.append(frame)
+
+    def send_values(self, message_type: MessageType, *values: float | int | bytes) -> None:
+        """Pack values in wire order and send."""
+        self.send(message_type, message_type.struct.pack(*values))
+
+    def forward(self, raw: bytes) -> None:
+        """Pass on a frame of somebody else as it came."""
+        if self.enabled:
+            self.out.append(raw)
+
+    def add_stream(self, message_type: MessageType, interval_us: int, first_us: int) -> None:
+        """A stream of the timetable."""
+        stream = Stream(message_type, interval_us, interval_us)
+        self.streams[message_type.id] = stream
+        if interval_us != DISABLED:
+            self._schedule(stream, first_us)
+
+    def set_interval(self, message_type: MessageType, interval_us: int, t_us: int) -> None:
+        """New interval from now on; DISABLED stops the stream."""
+        stream = self.streams.get(message_type.id)
+        if stream is None:
+            stream = self.streams[message_type.id] = Stream(message_type, DISABLED, DISABLED)
+        stream.interval_us = interval_us
+        stream.generation += 1
+        if interval_us != DISABLED:
+            self._schedule(stream, t_us)
+
+    def delay_until(self, t_us: int) -> None:
+        """Nothing is sent before t_us (nobody listens, or the link has just come back)."""
+        self._due = [(max(due, t_us), order, generation, stream) for due, order, generation, stream in self._due]
+        heapify(self._due)
+
+    def _schedule(self, stream: Stream, due_us: int) -> None:
+        self._order += 1
+        heappush(self._due, (due_us, self._order, stream.generation, stream))
+
+    def send_due(self, t_us: int, content: Callable[[MessageType], bytes | None]) -> None:
+        """Send every stream that is due; `content` gives the payload or None when there is nothing to say."""
+        due_list = self._due
+        while due_list and due_list[0][0] <= t_us:
+            due_us, order, generation, stream = heappop(due_list)
+            if generation != stream.generation:
+                continue
+            payload = content(stream.message_type)
+            if payload is not None:
+                stream.last_sent_us = t_us
+                self.send(stream.message_type, payload)
+            next_us = due_us + stream.interval_us
+            heappush(due_list, (next_us if next_us > t_us else t_us + 1, order, generation, stream))
