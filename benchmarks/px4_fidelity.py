@@ -43,6 +43,8 @@ class Pair:
     stub: float | None
     is_fixed: bool = True
     """False when recorded truth and estimate disagree about it by more than the tolerance."""
+    end_s: float = 0.0
+    """A time that is None did not come before this one, when the command ended."""
 
     @property
     def difference(self) -> float | None:
@@ -187,10 +189,9 @@ def _first(t_s: Array, condition: Array) -> float | None:
     return float(t_s[found[0]]) if len(found) else None
 
 
-def _agree(reference: float | None, other: float | None) -> bool:
-    """Two rise times within 15 % or 0.05 s, or neither there."""
-    if reference is None or other is None:
-        return reference is other
+def _agree(reference: float | None, other: float | None, end_s: float) -> bool:
+    """Two rise times within 15 % or 0.05 s; one that did not come before the command ended counts as its end."""
+    reference, other = (end_s if t is None else t for t in (reference, other))
     return abs(other - reference) <= max(RISE_RELATIVE * reference, RISE_S)
 
 
@@ -204,7 +205,7 @@ def _rise(recording: Recording, response: Response, c: Comparison) -> dict[str, 
     for percent in (63, 90):
         level = percent / 100 * c.step
         times = [_first(t_s, values >= level) for values in (recorded, stub, true)]
-        pairs[f"t{percent}_s"] = Pair(times[0], times[1], _agree(times[0], times[2]))
+        pairs[f"t{percent}_s"] = Pair(times[0], times[1], _agree(times[0], times[2], end), end)
     lean = _lean(recording.columns, slice(recording.start + 1, None))
     stub_lean = _lean(response.at(c.t_s), slice(None))
     peaks = [float(np.rad2deg(np.arcsin(np.linalg.norm(values, axis=1).max()))) for values in (lean, stub_lean)]
@@ -231,7 +232,7 @@ def _judge(nrmse: float, allowed: float, rise: dict[str, Pair]) -> tuple[str, ..
     failures = [] if nrmse <= allowed else ["nrmse"]
     for name, pair in rise.items():
         if name.startswith("t"):
-            good = not pair.is_fixed or _agree(pair.recorded, pair.stub)
+            good = not pair.is_fixed or _agree(pair.recorded, pair.stub, pair.end_s)
         else:
             limit = TILT_DEG if name == "peak_tilt_deg" else REACTION_S
             good = pair.difference is not None and abs(pair.difference) <= limit

@@ -1,0 +1,121 @@
+"""Wind where the vehicle is: a mean that grows with height, and Dryden gusts (MIL-F-8785C, low altitude).
+
+Velocity of the air in W, m/s. The mean is given for 6.1 m (20 ft) and follows the specification's logarithmic profile over
+grass. The along-wind gust is a first-order process, the across and vertical ones of second order; their length grows with
+height, their time is length over mean speed (turbulence is carried past the vehicle by the wind; the vehicle's own speed is left
+out). Gusts are drawn at 50 Hz and held. World calls `step` each 4 ms; the generator given makes it repeatable.
+"""
+
+from __future__ import annotations
+
+from math import cos, log, sin, sqrt
+from typing import Protocol
+
+import numpy as np
+
+from sitl_stub.rotation import Vec3
+
+_REFERENCE_HEIGHT_M = 6.096
+_ROUGHNESS_M = 0.0457
+_LEAST_HEIGHT_M = 0.5
+_GUST_PERIOD_S = 0.02
+_LEAST_SPEED_M_S = 2.0
+_FOOT_M = 0.3048
+_BLOCK = 1024
+
+
+class Wind(Protocol):
+    """Velocity of the air in W at a height above the ground."""
+
+    def step(self, dt_s: float, height_m: float) -> Vec3: ...
+
+
+class StillAir:
+    """No wind."""
+
+    def step(self, dt_s: float, height_m: float) -> Vec3:
+        return (0.0, 0.0, 0.0)
+
+
+def profile(height_m: float) -> float:
+    """Mean wind at a height as a part of that at 6.1 m; constant below half a metre."""
+    return log(max(height_m, _LEAST_HEIGHT_M) / _ROUGHNESS_M) / log(_REFERENCE_HEIGHT_M / _ROUGHNESS_M)
+
+
+class SteadyWind:
+    """Mean wind only."""
+
+    def __init__(self, mean_m_s: float, from_rad: float) -> None:
+        self._north, self._east = -mean_m_s * cos(from_rad), -mean_m_s * sin(from_rad)
+
+    def step(self, dt_s: float, height_m: float) -> Vec3:
+        factor = profile(height_m)
+        return (self._north * factor, self._east * factor, 0.0)
+
+
+class DrydenWind:
+    """Mean wind and gusts. The sigmas are standard deviations of a horizontal and the vertical component."""
+
+    def __init__(
+        self,
+        mean_m_s: float,
+        from_rad: float,
+        gust_sigma_m_s: float,
+        vertical_gust_sigma_m_s: float,
+        rng: np.random.Generator,
+    ) -> None:
+        self._mean_m_s = mean_m_s
+        self._along = (-cos(from_rad), -sin(from_rad))
+        self._sigma_m_s, self._vertical_sigma_m_s = gust_sigma_m_s, vertical_gust_sigma_m_s
+        self._rng = rng
+        self._noise: list[float] = []
+        # Unit variance each: along; across (two states); vertical (two states), started in their stationary spread.
+        u, v, w = self._draw(), self._draw(), self._draw()
+        self._u, self._v1, self._v2, self._w1, self._w2 = u, v, 0.5 * v, w, 0.5 * w
+        self._since_s = _GUST_PERIOD_S
+        self._now: Vec3 = (0.0, 0.0, 0.0)
+
+    def _draw(self) -> float:
+        if not self._noise:
+            self._noise = self._rng.standard_normal(_BLOCK).tolist()
+        return self._noise.pop()
+
+    def step(self, dt_s: float, height_m: float) -> Vec3:
+        self._since_s += dt_s
+        if self._since_s >= _GUST_PERIOD_S - 1e-9:
+            self._blow(self._since_s, height_m)
+            self._since_s = 0.0
+        return self._now
+
+    def _blow(self, dt_s: float, height_m: float) -> None:
+        mean_m_s = self._mean_m_s * profile(height_m)
+        speed_m_s = max(mean_m_s, _LEAST_SPEED_M_S)
+        flat_m, vertical_m = gust_lengths_m(height_m)
+        share = min(dt_s * speed_m_s / flat_m, 1.0)
+        self._u += -share * self._u + sqrt(share * (2.0 - share)) * self._draw()
+        self._v1, self._v2 = self._second_order(self._v1, self._v2, share)
+        self._w1, self._w2 = self._second_order(self._w1, self._w2, min(dt_s * speed_m_s / vertical_m, 1.0))
+        along = mean_m_s + self._sigma_m_s * self._u
+        across = self._sigma_m_s * _shaped(self._v1, self._v2)
+        north, east = self._along
+        self._now = (
+            north * along - east * across,
+            east * along + north * across,
+            self._vertical_sigma_m_s * _shaped(self._w1, self._w2),
+        )
+
+    def _second_order(self, first: float, second: float, share: float) -> tuple[float, float]:
+        second += share * (first - second)
+        first += -share * first + sqrt(share * (2.0 - share)) * self._draw()
+        return first, second
+
+
+def _shaped(first: float, second: float) -> float:
+    """Dryden's across-wind filter (1 + sqrt3 T s) / (1 + T s)^2 in partial fractions, at unit variance."""
+    return (sqrt(3.0) * first + (1.0 - sqrt(3.0)) * second) / sqrt(2.0)
+
+
+def gust_lengths_m(height_m: float) -> tuple[float, float]:
+    """Length scales of horizontal and vertical gusts between 3 and 300 m (MIL-F-8785C)."""
+    feet = min(max(height_m / _FOOT_M, 10.0), 1000.0)
+    return feet / (0.177 + 0.000823 * feet) ** 1.2 * _FOOT_M, feet * _FOOT_M
