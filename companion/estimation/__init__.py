@@ -7,17 +7,23 @@ file and can be chosen alone, `imm` runs several. docs/estimation.md explains th
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any
 
 from companion.config import Camera, Estimation, Pad
+from companion.estimation.bank_track import TrackSettings, gate_sigmas, started
 from companion.estimation.constant_acceleration import ConstantAcceleration
 from companion.estimation.constant_velocity import ConstantVelocity
 from companion.estimation.coordinated_turn import CoordinatedTurn
 from companion.estimation.filter import PadFilter
 from companion.estimation.measurement import PadMeasurement
 from companion.estimation.motion import BeaconBias, MotionModel
+from companion.estimation.oscillator import Oscillator
 from companion.estimation.protocol import PadEstimator
-from companion.estimation.track import TrackSettings, gate_sigmas
+from companion.estimation.sea import Sea
+from companion.estimation.static import Static
 from companion.estimation.tracker import PadTracker, camera_mount
+from companion.estimation.unicycle import UnicycleSettings, start_unicycle
 from companion.estimation.vehicle_history import VehicleHistory, VehiclePose, VehicleReset
 from companion.estimation.weaving_turn import WeavingTurn
 
@@ -34,48 +40,49 @@ __all__ = [
 ]
 
 
-def _bias(config: Estimation) -> BeaconBias:
-    return BeaconBias(config.beacon_bias_sigma_m, config.beacon_bias_time_s)
+Factory = Callable[[Estimation], PadEstimator]
 
 
-def _settings(config: Estimation, models: tuple[MotionModel, ...], probabilities: tuple[float, ...]) -> TrackSettings:
-    return TrackSettings(models, probabilities, gate_sigmas=gate_sigmas(config.gate_probability))
+def _bank(name: str, models: Callable[[BeaconBias], Mapping[MotionModel, float]], **settings: Any) -> Factory:
+    """An estimator that is a bank of motion models with their first probabilities."""
+
+    def make(config: Estimation) -> PadEstimator:
+        weighed = models(BeaconBias(config.beacon_bias_sigma_m, config.beacon_bias_time_s))
+        gate = gate_sigmas(config.gate_probability)
+        track = TrackSettings(tuple(weighed), tuple(weighed.values()), gate_sigmas=gate, **settings)
+        return PadFilter(name, partial(started, track), lag_s=config.lag_s, lost_after_s=config.lost_after_s)
+
+    return make
 
 
-def _filter(name: str, settings: TrackSettings, config: Estimation) -> PadEstimator:
-    return PadFilter(name, settings, lag_s=config.lag_s, lost_after_s=config.lost_after_s)
+def _imm_models(bias: BeaconBias) -> Mapping[MotionModel, float]:
+    return {
+        ConstantVelocity(bias=bias): 0.4,
+        CoordinatedTurn(bias=bias): 0.3,
+        WeavingTurn(bias=bias): 0.2,
+        ConstantAcceleration(bias=bias): 0.1,
+    }
 
 
-def constant_velocity(config: Estimation) -> PadEstimator:
-    return _filter("constant_velocity", _settings(config, (ConstantVelocity(bias=_bias(config)),), (1.0,)), config)
+def _boat_models(bias: BeaconBias) -> Mapping[MotionModel, float]:
+    return {ConstantVelocity(0.01, bias): 0.6, ConstantAcceleration(0.8, 3.0, 0.01, bias): 0.4}
 
 
-def constant_acceleration(config: Estimation) -> PadEstimator:
-    return _filter(
-        "constant_acceleration", _settings(config, (ConstantAcceleration(bias=_bias(config)),), (1.0,)), config
-    )
+def _unicycle(config: Estimation) -> PadEstimator:
+    settings = UnicycleSettings(gate_sigmas=gate_sigmas(config.gate_probability))
+    start = partial(start_unicycle, settings)
+    return PadFilter("unicycle", start, lag_s=config.lag_s, lost_after_s=config.lost_after_s)
 
 
-def coordinated_turn(config: Estimation) -> PadEstimator:
-    return _filter("coordinated_turn", _settings(config, (CoordinatedTurn(bias=_bias(config)),), (1.0,)), config)
-
-
-def imm(config: Estimation) -> PadEstimator:
-    bias = _bias(config)
-    models = (
-        ConstantVelocity(bias=bias),
-        CoordinatedTurn(bias=bias),
-        WeavingTurn(bias=bias),
-        ConstantAcceleration(bias=bias),
-    )
-    return _filter("imm", _settings(config, models, (0.4, 0.3, 0.2, 0.1)), config)
-
-
-ESTIMATORS: dict[str, Callable[[Estimation], PadEstimator]] = {
-    "imm": imm,
-    "constant_velocity": constant_velocity,
-    "constant_acceleration": constant_acceleration,
-    "coordinated_turn": coordinated_turn,
+ESTIMATORS: dict[str, Factory] = {
+    "imm": _bank("imm", _imm_models),
+    "boat": _bank("boat", _boat_models, vertical=Sea(), tilt=Oscillator(sigma=0.06, mean_psd=1e-5)),
+    "static": _bank("static", lambda bias: {Static(bias=bias): 1.0}),
+    "constant_velocity": _bank("constant_velocity", lambda bias: {ConstantVelocity(bias=bias): 1.0}),
+    "constant_acceleration": _bank("constant_acceleration", lambda bias: {ConstantAcceleration(bias=bias): 1.0}),
+    "coordinated_turn": _bank("coordinated_turn", lambda bias: {CoordinatedTurn(bias=bias): 1.0}),
+    "weaving_turn": _bank("weaving_turn", lambda bias: {WeavingTurn(bias=bias): 1.0}),
+    "unicycle": _unicycle,
 }
 
 

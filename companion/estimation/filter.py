@@ -1,4 +1,4 @@
-"""A PadEstimator over a Track: late and out-of-order measurements by history, prediction to any time. Frame O, NED, SI.
+"""A PadEstimator over tracks: late and out-of-order measurements by history, prediction to any time. Frame O, NED, SI.
 
 Every fused measurement is kept with the track as it was just after it. One that belongs before others is put in its place:
 the track of before is taken up again and the later ones are fused once more. Called by tracker.py.
@@ -6,23 +6,36 @@ the track of before is taken up again and the later ones are fused once more. Ca
 
 from __future__ import annotations
 
-import math
 from bisect import bisect_right
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol, Self
 
-from companion.estimation import bank, heading, vertical
 from companion.estimation.gate import NS
 from companion.estimation.measurement import PadMeasurement
-from companion.estimation.motion import SHARED, VX, VY, X, Y
-from companion.estimation.track import Track, TrackSettings, advance, fuse, shift_velocity, started
-from companion.geometry import wrap_pi
 from companion.messages import MeasurementVerdict, PadEstimate, Vec3
 
 COAST_STEP_NS = 100_000_000
 LOOK_AHEAD_NS = 500_000_000
 """A track that coasts is advanced on a grid and kept, so that a long outage costs each query no more than this."""
-MOVING_M_S = 0.5
-"""Above this speed a pad whose yaw was never seen is taken to point where it goes."""
+
+
+class Track(Protocol):
+    """A pad at `t_ns`: what a family of estimators has to provide."""
+
+    t_ns: int
+
+    def copied(self) -> Self: ...
+
+    def advance(self, t_ns: int, *, mixing: bool = True) -> None:
+        """Predict to `t_ns`. `mixing` (exchange between the models of a bank) belongs to measurements, not to a look ahead."""
+
+    def fuse(self, m: PadMeasurement) -> MeasurementVerdict:
+        """Fuse a measurement of the track's own time."""
+
+    def shift_velocity(self, step_m_s: Vec3) -> None: ...
+
+    def estimate(self, name: str) -> PadEstimate: ...
 
 
 @dataclass(slots=True)
@@ -36,11 +49,19 @@ class Fused:
 
 
 class PadFilter:
-    """The bank of motion models in `settings` behind the PadEstimator protocol."""
+    """Tracks behind the PadEstimator protocol. `start` makes one from a first measurement, or None from one that tells too
+    little."""
 
-    def __init__(self, name: str, settings: TrackSettings, *, lag_s: float = 1.0, lost_after_s: float = 15.0) -> None:
+    def __init__(
+        self,
+        name: str,
+        start: Callable[[PadMeasurement], Track | None],
+        *,
+        lag_s: float = 1.0,
+        lost_after_s: float = 15.0,
+    ) -> None:
         self._name = name
-        self._settings = settings
+        self._start = start
         self._lag_ns = int(lag_s * NS)
         self._lost_ns = int(lost_after_s * NS)
         self._history: list[Fused] = []
@@ -76,11 +97,11 @@ class PadFilter:
         if track is None or t_ns - self._history[-1].t_ns > self._lost_ns:
             return None
         track = track.copied()
-        advance(self._settings, track, t_ns, mixing=False)
-        return estimate_of(track, self._name)
+        track.advance(t_ns, mixing=False)
+        return track.estimate(self._name)
 
     def _begin(self, m: PadMeasurement) -> MeasurementVerdict:
-        track = started(self._settings, m)
+        track = self._start(m)
         if track is None:
             return MeasurementVerdict(m.t_ns, m.source, accepted=False, reason="no position to start from")
         self._history.append(Fused(m.t_ns, m, (0.0, 0.0, 0.0), track))
@@ -104,9 +125,9 @@ class PadFilter:
 
     def _append(self, t_ns: int, m: PadMeasurement | None, velocity_step: Vec3) -> MeasurementVerdict | None:
         track = self._history[-1].after.copied()
-        advance(self._settings, track, t_ns)
-        shift_velocity(track, velocity_step)
-        verdict = None if m is None else fuse(self._settings, track, m)
+        track.advance(t_ns)
+        track.shift_velocity(velocity_step)
+        verdict = None if m is None else track.fuse(m)
         self._history.append(Fused(t_ns, m, velocity_step, track))
         return verdict
 
@@ -134,59 +155,6 @@ class PadFilter:
         if track is None or track.t_ns > until_ns:
             track = newest.copied()
         while track.t_ns < until_ns:
-            advance(self._settings, track, track.t_ns + COAST_STEP_NS, mixing=False)
+            track.advance(track.t_ns + COAST_STEP_NS, mixing=False)
         self._coasting = track
         return track
-
-
-def estimate_of(track: Track, name: str) -> PadEstimate:
-    """The track as the message. Positions are in O: tracker.py moves them to W."""
-    now = bank.combined(track.members)
-    x, (z, Pz) = now.x, track.height
-    turn = now.motion.turn_rate_rad_s
-    yaw, yaw_rate = _yaw(track, x[VX], x[VY], turn)
-    acceleration = now.motion.acceleration_m_s2
-    best = max(track.members, key=lambda member: member.probability)
-    return PadEstimate(
-        t_ns=track.t_ns,
-        position_ned_m=(x[X], x[Y], z[vertical.Z]),
-        velocity_ned_m_s=(x[VX], x[VY], z[vertical.VZ]),
-        acceleration_ned_m_s2=(acceleration[0], acceleration[1], 0.0),
-        yaw_rad=yaw,
-        yaw_rate_rad_s=yaw_rate,
-        covariance=_covariance(now.P, Pz, track.systematic_m2),
-        vision_age_s=_age_s(track.t_ns, track.vision_ns),
-        beacon_age_s=_age_s(track.t_ns, track.beacon_ns),
-        model=best.model.name if len(track.members) > 1 else name,
-        model_probabilities=tuple((member.model.name, member.probability) for member in track.members),
-        roll_rad=track.roll_rad,
-        pitch_rad=track.pitch_rad,
-    )
-
-
-def _yaw(track: Track, vx: float, vy: float, turn: float) -> tuple[float, float]:
-    """Measured yaw where there is one, else the direction of travel."""
-    if track.yaw is not None:
-        x = track.yaw[0]
-        return wrap_pi(x[heading.YAW]), x[heading.RATE]
-    return (math.atan2(vy, vx) if math.hypot(vx, vy) > MOVING_M_S else 0.0), turn
-
-
-def _covariance(P: list[float], Pz: list[float], systematic_m2: float) -> tuple[tuple[float, ...], ...]:
-    """6 x 6 over (position, velocity). Averaging does not remove the systematic part, so it is added at the end."""
-    order = (X, Y, None, VX, VY, None)
-    rows = [[0.0 if a is None or b is None else P[a * SHARED + b] for b in order] for a in order]
-    rows[0][0] += systematic_m2
-    rows[1][1] += systematic_m2
-    rows[2][2], rows[2][5], rows[5][2], rows[5][5] = Pz[0], Pz[1], Pz[3], Pz[4]
-    return tuple(tuple(row) for row in rows)
-
-
-def _age_s(t_ns: int, then_ns: int | None) -> float | None:
-    return None if then_ns is None else (t_ns - then_ns) / NS
-
-
-def moved(estimate: PadEstimate, offset_m: Vec3) -> PadEstimate:
-    """The same estimate with positions moved by `offset_m` (O to W)."""
-    p = estimate.position_ned_m
-    return replace(estimate, position_ned_m=(p[0] + offset_m[0], p[1] + offset_m[1], p[2] + offset_m[2]))

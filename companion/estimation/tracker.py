@@ -12,7 +12,7 @@ import math
 from collections.abc import Mapping
 
 from companion.config import Camera, Estimation, Pad
-from companion.estimation.filter import moved
+from companion.estimation.bank_report import moved
 from companion.estimation.measurement import (
     PadMeasurement,
     VehicleErrors,

@@ -1,6 +1,6 @@
 """One pad at one instant: the bank for the horizontal motion, height, yaw, gates and ages. Frame O, NED, SI.
 
-A Track is plain data that `advance` and `fuse` change; `copied` makes the snapshots from which late measurements are worked
+A BankTrack is plain data that `advance` and `fuse` change; `copied` makes the snapshots from which late measurements are worked
 in (filter.py).
 """
 
@@ -11,15 +11,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from statistics import NormalDist
 
-from companion.estimation import bank, heading, vertical
+from companion.estimation import bank, heading
 from companion.estimation.bank import Member, Mixture, Row
+from companion.estimation.bank_report import estimate_of
 from companion.estimation.gate import NS, AxisGate, Decision, judge
 from companion.estimation.heading import SteadyHeading
 from companion.estimation.measurement import PadMeasurement
 from companion.estimation.motion import BX, BY, SHARED, VX, VY, Motion, MotionModel, X, Y
-from companion.estimation.vertical import LevelGround
+from companion.estimation.oscillator import MEAN, SWING, Oscillator
+from companion.estimation.vertical import LevelGround, State, Vertical
 from companion.geometry import wrap_pi
-from companion.messages import Mat3, MeasurementVerdict, ObservationSource, Vec3
+from companion.messages import Mat3, MeasurementVerdict, ObservationSource, PadEstimate, Vec3
 
 VISION = (ObservationSource.VISION_POSE, ObservationSource.VISION_BEARING)
 BIASED = (ObservationSource.BEACON, ObservationSource.ODOMETRY)
@@ -40,8 +42,10 @@ class TrackSettings:
     sojourn_s: float = 4.0
     gate_sigmas: float = 3.29
     initial_speed_m_s: float = 5.0
-    ground: LevelGround = LEVEL_GROUND
+    vertical: Vertical = LEVEL_GROUND
     heading: SteadyHeading = STEADY_HEADING
+    tilt: Oscillator | None = None
+    """Roll and pitch swing on a boat; on the ground the last measured ones are kept."""
 
 
 def gate_sigmas(probability: float) -> float:
@@ -50,32 +54,69 @@ def gate_sigmas(probability: float) -> float:
 
 
 @dataclass(slots=True)
-class Track:
+class BankTrack:
     """State at `t_ns`."""
 
+    settings: TrackSettings
     t_ns: int
     members: list[Member]
-    height: tuple[list[float], list[float]]
+    height: State
     yaw: tuple[list[float], list[float]] | None
     gates: dict[tuple[ObservationSource, str], AxisGate] = field(default_factory=dict)
     vision_ns: int | None = None
     beacon_ns: int | None = None
     systematic_m2: float = 0.0
     unmixed_s: float = 0.0
+    tilt: tuple[State, State] | None = None
     roll_rad: float = 0.0
     pitch_rad: float = 0.0
 
-    def copied(self) -> Track:
-        return Track(
+    def advance(self, t_ns: int, *, mixing: bool = True) -> None:
+        """Predict to `t_ns`, not before the track's time."""
+        dt_s = (t_ns - self.t_ns) / NS
+        if dt_s <= 0.0:
+            return
+        if mixing:
+            _mix_when_due(self, dt_s)
+        bank.predict(self.members, dt_s)
+        self.settings.vertical.predict(self.height, dt_s)
+        if self.yaw is not None:
+            self.settings.heading.predict(*self.yaw, dt_s)
+        _predict_tilt(self, dt_s)
+        self.t_ns = t_ns
+
+    def fuse(self, m: PadMeasurement) -> MeasurementVerdict:
+        """Fuse a measurement of the track's own time, component by component, and say what became of it."""
+        return fuse(self, m)
+
+    def shift_velocity(self, step_m_s: Vec3) -> None:
+        """The autopilot's velocity estimate stepped, and with it the frame."""
+        bank.shift_velocity(self.members, (step_m_s[0], step_m_s[1]))
+        self.settings.vertical.shift_rate(self.height, step_m_s[2])
+
+    def estimate(self, name: str) -> PadEstimate:
+        return estimate_of(self, name)
+
+    def tilt_angles(self) -> tuple[float, float]:
+        """Roll and pitch of the pad, rad."""
+        if self.tilt is None:
+            return self.roll_rad, self.pitch_rad
+        roll, pitch = (x[MEAN] + x[SWING] for x, _ in self.tilt)
+        return roll, pitch
+
+    def copied(self) -> BankTrack:
+        return BankTrack(
+            settings=self.settings,
             t_ns=self.t_ns,
             members=bank.copied(self.members),
-            height=(self.height[0][:], self.height[1][:]),
+            height=self.settings.vertical.copied(self.height),
             yaw=None if self.yaw is None else (self.yaw[0][:], self.yaw[1][:]),
             gates={key: gate.copied() for key, gate in self.gates.items()},
             vision_ns=self.vision_ns,
             beacon_ns=self.beacon_ns,
             systematic_m2=self.systematic_m2,
             unmixed_s=self.unmixed_s,
+            tilt=None if self.tilt is None else _copied_tilt(self.tilt),
             roll_rad=self.roll_rad,
             pitch_rad=self.pitch_rad,
         )
@@ -84,22 +125,21 @@ class Track:
 # ------------------------------------------------------------------------------------------------------------- start
 
 
-def started(settings: TrackSettings, m: PadMeasurement) -> Track | None:
+def started(settings: TrackSettings, m: PadMeasurement) -> BankTrack | None:
     """A track from its first measurement, which must hold a position; None otherwise."""
     if m.position_o_m is None or m.covariance_m2 is None:
         return None
     shared = _first_state(settings, m, m.position_o_m, m.covariance_m2)
-    bias2 = m.bias_sigma_m**2
-    variance = m.covariance_m2[2][2] + m.systematic_sigma_m**2 * 0.05 + bias2 + VARIANCE_FLOOR_M2
-    track = Track(
+    bias2 = m.bias_sigma_m**2 if m.source in BIASED else 0.0
+    variance = m.covariance_m2[2][2] + VARIANCE_FLOOR_M2
+    track = BankTrack(
+        settings=settings,
         t_ns=m.t_ns,
         members=bank.start(settings.models, settings.probabilities, shared),
-        height=settings.ground.start(m.position_o_m[2], variance),
+        height=settings.vertical.start(m.position_o_m[2], variance, bias2),
         yaw=None,
     )
-    if m.source in BIASED:
-        _tie_height_bias(track, bias2)
-    _take_yaw(settings, track, m)
+    _take_yaw(track, m)
     _take_turn_rate(track, m)
     _note(track, m)
     return track
@@ -119,47 +159,21 @@ def _first_state(settings: TrackSettings, m: PadMeasurement, z: Vec3, R: Mat3) -
     return Mixture([z[0], z[1], 0.0, 0.0, v[0], v[1]], P, Motion((0.0, 0.0), 0.0))
 
 
-def _tie_height_bias(track: Track, bias2: float) -> None:
-    P = track.height[1]
-    P[2] = P[6] = -bias2
-    P[8] = bias2
-
-
 # ------------------------------------------------------------------------------------------------------------ advance
 
 
-def advance(settings: TrackSettings, track: Track, t_ns: int, *, mixing: bool = True) -> None:
-    """Predict to `t_ns` (not before the track's time). `mixing` belongs to measurements; a look ahead does without."""
-    dt_s = (t_ns - track.t_ns) / NS
-    if dt_s <= 0.0:
-        return
-    if mixing:
-        _mix_when_due(settings, track, dt_s)
-    bank.predict(track.members, dt_s)
-    settings.ground.predict(*track.height, dt_s)
-    if track.yaw is not None:
-        settings.heading.predict(*track.yaw, dt_s)
-    track.t_ns = t_ns
-
-
-def _mix_when_due(settings: TrackSettings, track: Track, dt_s: float) -> None:
+def _mix_when_due(track: BankTrack, dt_s: float) -> None:
     """Mixing costs as much as a prediction, and hypotheses change over seconds: ten times a second is enough."""
     track.unmixed_s += dt_s
     if track.unmixed_s >= MIX_PERIOD_S:
-        bank.mix(track.members, track.unmixed_s, settings.sojourn_s)
+        bank.mix(track.members, track.unmixed_s, track.settings.sojourn_s)
         track.unmixed_s = 0.0
-
-
-def shift_velocity(track: Track, step_m_s: Vec3) -> None:
-    """The autopilot's velocity estimate stepped, and with it the frame."""
-    bank.shift_velocity(track.members, (step_m_s[0], step_m_s[1]))
-    track.height[0][vertical.VZ] += step_m_s[2]
 
 
 # --------------------------------------------------------------------------------------------------------------- fuse
 
 
-def fuse(settings: TrackSettings, track: Track, m: PadMeasurement) -> MeasurementVerdict:
+def fuse(track: BankTrack, m: PadMeasurement) -> MeasurementVerdict:
     """Fuse a measurement of the track's own time, component by component, and say what became of it."""
     if m.bearing_o is not None:
         pseudo = _position_from_bearing(track, m)
@@ -167,26 +181,26 @@ def fuse(settings: TrackSettings, track: Track, m: PadMeasurement) -> Measuremen
             return MeasurementVerdict(m.t_ns, m.source, accepted=False, reason="bearing too flat for the pad's height")
         m = pseudo
     now = bank.combined(track.members)
-    verdict = _fuse_position(settings, track, m, now)
-    _fuse_velocity(settings, track, m)
-    _take_yaw(settings, track, m)
+    verdict = _fuse_position(track, m, now)
+    _fuse_velocity(track, m)
+    _take_yaw(track, m)
     _take_turn_rate(track, m)
     if verdict.accepted:
         _note(track, m)
     return verdict
 
 
-def _fuse_position(settings: TrackSettings, track: Track, m: PadMeasurement, now: Mixture) -> MeasurementVerdict:
+def _fuse_position(track: BankTrack, m: PadMeasurement, now: Mixture) -> MeasurementVerdict:
     innovation: list[float] = []
     nis, kept, outcomes = 0.0, 0, []
     if m.position_o_m is not None and m.covariance_m2 is not None:
         rows = _rows(m, m.position_o_m, m.covariance_m2)
-        nis, decisions, innovation = _judge_horizontal(settings, track, m, rows, now)
+        nis, decisions, innovation = _judge_horizontal(track, m, rows, now)
         outcomes += list(zip(("north", "east"), decisions, strict=True))
         _update_horizontal(track, m, rows, decisions, innovation, m.covariance_m2[0][1])
     height, R = _measured_height(m)
     if height is not None:
-        y, s, decision = _fuse_height(settings, track, m, height, R)
+        y, s, decision = _fuse_height(track, m, height, R)
         innovation.append(y)
         nis += y * y / s
         outcomes.append(("down", decision))
@@ -214,12 +228,12 @@ def _rows(m: PadMeasurement, z: Vec3, R: Mat3) -> tuple[Row, Row]:
     return bank.position_rows((z[0], z[1]), (R[0][0] + VARIANCE_FLOOR_M2, R[1][1] + VARIANCE_FLOOR_M2))
 
 
-def _gate(track: Track, source: ObservationSource, axis: str) -> AxisGate:
+def _gate(track: BankTrack, source: ObservationSource, axis: str) -> AxisGate:
     return track.gates.setdefault((source, axis), AxisGate())
 
 
 def _judge_horizontal(
-    settings: TrackSettings, track: Track, m: PadMeasurement, rows: tuple[Row, Row], now: Mixture
+    track: BankTrack, m: PadMeasurement, rows: tuple[Row, Row], now: Mixture
 ) -> tuple[float, list[Decision], list[float]]:
     """NIS of the pair, one decision an axis, the innovation."""
     y = [row.residual(now.x) for row in rows]
@@ -234,7 +248,7 @@ def _judge_horizontal(
             y=y[k],
             S=S[k] + slack,
             R=rows[k].R,
-            limit=settings.gate_sigmas,
+            limit=track.settings.gate_sigmas,
             both_axes=both,
         )
         for k in range(2)
@@ -247,7 +261,7 @@ def _judge_horizontal(
 
 
 def _update_horizontal(
-    track: Track,
+    track: BankTrack,
     m: PadMeasurement,
     rows: tuple[Row, Row],
     decisions: Sequence[Decision],
@@ -276,52 +290,47 @@ def _measured_height(m: PadMeasurement) -> tuple[float | None, float]:
     return m.position_o_m[2], m.covariance_m2[2][2] + VARIANCE_FLOOR_M2
 
 
-def _fuse_height(
-    settings: TrackSettings, track: Track, m: PadMeasurement, height: float, R: float
-) -> tuple[float, float, Decision]:
-    x, P = track.height
-    biased = m.source in BIASED
-    y = height - x[vertical.Z] - (x[vertical.BZ] if biased else 0.0)
-    S = vertical.height_variance(P, R, biased=biased)
+def _fuse_height(track: BankTrack, m: PadMeasurement, height: float, R: float) -> tuple[float, float, Decision]:
+    vertical, biased = track.settings.vertical, m.source in BIASED
+    y, S = vertical.innovation(track.height, height, R, biased=biased)
     gate = _gate(track, m.source, "down")
-    decision = judge(gate, t_ns=m.t_ns, y=y, S=S, R=R, limit=settings.gate_sigmas)
+    decision = judge(gate, t_ns=m.t_ns, y=y, S=S, R=R, limit=track.settings.gate_sigmas)
     if decision is Decision.REACQUIRE:
-        P[8 if biased else 0] += y * y
+        vertical.distrust(track.height, y * y, biased=biased)
     if decision is not Decision.REJECT:
-        vertical.update_height(x, P, height, R, biased=biased)
+        vertical.update(track.height, height, R, biased=biased)
     return y, S, decision
 
 
-def _fuse_velocity(settings: TrackSettings, track: Track, m: PadMeasurement) -> None:
+def _fuse_velocity(track: BankTrack, m: PadMeasurement) -> None:
     """The carrier's own speed over ground, gated axis by axis."""
     if m.velocity_m_s is None:
         return
     R = m.velocity_sigma_m_s**2
     now = bank.combined(track.members)
     rows = [Row((VX,), (1.0,), m.velocity_m_s[0], R), Row((VY,), (1.0,), m.velocity_m_s[1], R)]
-    limit2 = settings.gate_sigmas**2
+    limit2 = track.settings.gate_sigmas**2
     kept = [row for row in rows if row.residual(now.x) ** 2 <= limit2 * row.variance(now.P, SHARED)]
     if kept:
         bank.update(track.members, kept)
 
 
-def _take_yaw(settings: TrackSettings, track: Track, m: PadMeasurement) -> None:
+def _take_yaw(track: BankTrack, m: PadMeasurement) -> None:
     """Yaw goes to the heading filter and to the models that turn with it. A flipped yaw is kept out by its gate."""
-    if m.roll_rad is not None and m.pitch_rad is not None:
-        track.roll_rad, track.pitch_rad = m.roll_rad, m.pitch_rad
+    _take_tilt(track, m)
     if m.yaw_rad is None:
         return
     R = m.yaw_sigma_rad**2
     if track.yaw is None:
-        track.yaw = settings.heading.start(m.yaw_rad, R)
+        track.yaw = track.settings.heading.start(m.yaw_rad, R)
         _set_yaw(track, m.yaw_rad, R)
         return
     x, P = track.yaw
     y = wrap_pi(m.yaw_rad - x[heading.YAW])
     gate = _gate(track, m.source, "yaw")
-    decision = judge(gate, t_ns=m.t_ns, y=y, S=P[0] + R, R=R, limit=settings.gate_sigmas)
+    decision = judge(gate, t_ns=m.t_ns, y=y, S=P[0] + R, R=R, limit=track.settings.gate_sigmas)
     if decision is Decision.REACQUIRE:
-        track.yaw = settings.heading.start(m.yaw_rad, R)
+        track.yaw = track.settings.heading.start(m.yaw_rad, R)
         _set_yaw(track, m.yaw_rad, R)
     elif decision is Decision.ACCEPT:
         heading.update_yaw(x, P, m.yaw_rad, R)
@@ -331,7 +340,33 @@ def _take_yaw(settings: TrackSettings, track: Track, m: PadMeasurement) -> None:
                 bank.update_own(member, index, wrap_pi(m.yaw_rad - member.x[index]), R)
 
 
-def _set_yaw(track: Track, yaw_rad: float, variance: float) -> None:
+def _take_tilt(track: BankTrack, m: PadMeasurement) -> None:
+    """Roll and pitch of the deck: kept as seen, or fed to the oscillators of a boat."""
+    if m.roll_rad is None or m.pitch_rad is None:
+        return
+    swing, R = track.settings.tilt, m.tilt_sigma_rad**2
+    if swing is None:
+        track.roll_rad, track.pitch_rad = m.roll_rad, m.pitch_rad
+    elif track.tilt is None:
+        track.tilt = (swing.start(m.roll_rad, R), swing.start(m.pitch_rad, R))
+    else:
+        for state, angle in zip(track.tilt, (m.roll_rad, m.pitch_rad), strict=True):
+            swing.update(*state, angle, R)
+
+
+def _predict_tilt(track: BankTrack, dt_s: float) -> None:
+    swing = track.settings.tilt
+    if swing is not None and track.tilt is not None:
+        for state in track.tilt:
+            swing.predict(*state, dt_s)
+
+
+def _copied_tilt(tilt: tuple[State, State]) -> tuple[State, State]:
+    (roll, roll_P), (pitch, pitch_P) = tilt
+    return (roll[:], roll_P[:]), (pitch[:], pitch_P[:])
+
+
+def _set_yaw(track: BankTrack, yaw_rad: float, variance: float) -> None:
     """The yaw state of a turning model starts anew; what it says of the turn rate stays."""
     for member in track.members:
         index = member.model.yaw_index
@@ -343,7 +378,7 @@ def _set_yaw(track: Track, yaw_rad: float, variance: float) -> None:
             member.P[index * n + index] = variance
 
 
-def _take_turn_rate(track: Track, m: PadMeasurement) -> None:
+def _take_turn_rate(track: BankTrack, m: PadMeasurement) -> None:
     if m.yaw_rate_rad_s is None:
         return
     R = m.yaw_rate_sigma_rad_s**2
@@ -355,7 +390,7 @@ def _take_turn_rate(track: Track, m: PadMeasurement) -> None:
             bank.update_own(member, index, m.yaw_rate_rad_s - member.x[index], R)
 
 
-def _note(track: Track, m: PadMeasurement) -> None:
+def _note(track: BankTrack, m: PadMeasurement) -> None:
     if m.source in VISION:
         track.vision_ns = m.t_ns
         track.systematic_m2 = m.systematic_sigma_m**2
@@ -363,18 +398,19 @@ def _note(track: Track, m: PadMeasurement) -> None:
         track.beacon_ns = m.t_ns
 
 
-def _position_from_bearing(track: Track, m: PadMeasurement) -> PadMeasurement | None:
+def _position_from_bearing(track: BankTrack, m: PadMeasurement) -> PadMeasurement | None:
     """Where the line of sight meets the pad's height: a position whose covariance is long along the line of sight."""
     if m.bearing_o is None or m.camera is None:
         return None
     dx, dy, dz = m.bearing_o
     c = m.camera.position_o_m
-    drop = track.height[0][vertical.Z] - c[2]
+    deck = track.settings.vertical.view(track.height)
+    drop = deck.z_m - c[2]
     if dz < SHALLOW or drop <= 0.0:
         return None
     distance = drop / dz
     across = (distance * m.bearing_sigma_rad) ** 2
-    along = across / (dz * dz) + track.height[1][0] * (dx * dx + dy * dy) / (dz * dz)
+    along = across / (dz * dz) + deck.variance_m2 * (dx * dx + dy * dy) / (dz * dz)
     flat = math.hypot(dx, dy)
     ux, uy = (dx / flat, dy / flat) if flat > 1e-9 else (1.0, 0.0)
     xy = (along - across) * ux * uy
@@ -383,5 +419,5 @@ def _position_from_bearing(track: Track, m: PadMeasurement) -> PadMeasurement | 
         (xy, across + (along - across) * uy * uy, 0.0),
         (0.0, 0.0, 1.0),
     )
-    position = (c[0] + distance * dx, c[1] + distance * dy, track.height[0][vertical.Z])
+    position = (c[0] + distance * dx, c[1] + distance * dy, deck.z_m)
     return PadMeasurement(t_ns=m.t_ns, source=m.source, position_o_m=position, covariance_m2=covariance)

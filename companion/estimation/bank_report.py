@@ -1,0 +1,75 @@
+"""A track as the PadEstimate message, in O; `moved` brings it to W."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from companion.estimation import bank, heading
+from companion.estimation.gate import NS
+from companion.estimation.motion import SHARED, VX, VY, X, Y
+from companion.estimation.vertical import VerticalView
+from companion.geometry import wrap_pi
+from companion.messages import PadEstimate, Vec3
+
+if TYPE_CHECKING:
+    from companion.estimation.bank_track import BankTrack
+
+MOVING_M_S = 0.5
+"""Above this speed a pad whose yaw was never seen is taken to point where it goes."""
+
+
+def estimate_of(track: BankTrack, name: str) -> PadEstimate:
+    """The track as the message. Positions are in O: tracker.py moves them to W."""
+    now = bank.combined(track.members)
+    x, deck = now.x, track.settings.vertical.view(track.height)
+    turn = now.motion.turn_rate_rad_s
+    yaw, yaw_rate = _yaw(track, x[VX], x[VY], turn)
+    acceleration = now.motion.acceleration_m_s2
+    roll, pitch = track.tilt_angles()
+    best = max(track.members, key=lambda member: member.probability)
+    return PadEstimate(
+        t_ns=track.t_ns,
+        position_ned_m=(x[X], x[Y], deck.z_m),
+        velocity_ned_m_s=(x[VX], x[VY], deck.rate_m_s),
+        acceleration_ned_m_s2=(acceleration[0], acceleration[1], deck.acceleration_m_s2),
+        yaw_rad=yaw,
+        yaw_rate_rad_s=yaw_rate,
+        covariance=_covariance(now.P, deck, track.systematic_m2),
+        vision_age_s=_age_s(track.t_ns, track.vision_ns),
+        beacon_age_s=_age_s(track.t_ns, track.beacon_ns),
+        model=best.model.name if len(track.members) > 1 else name,
+        model_probabilities=tuple((member.model.name, member.probability) for member in track.members),
+        roll_rad=roll,
+        pitch_rad=pitch,
+    )
+
+
+def _yaw(track: BankTrack, vx: float, vy: float, turn: float) -> tuple[float, float]:
+    """Measured yaw where there is one, else the direction of travel."""
+    if track.yaw is not None:
+        x = track.yaw[0]
+        return wrap_pi(x[heading.YAW]), x[heading.RATE]
+    return (math.atan2(vy, vx) if math.hypot(vx, vy) > MOVING_M_S else 0.0), turn
+
+
+def _covariance(P: list[float], deck: VerticalView, systematic_m2: float) -> tuple[tuple[float, ...], ...]:
+    """6 x 6 over (position, velocity). Averaging does not remove the systematic part, so it is added at the end."""
+    order = (X, Y, None, VX, VY, None)
+    rows = [[0.0 if a is None or b is None else P[a * SHARED + b] for b in order] for a in order]
+    rows[0][0] += systematic_m2
+    rows[1][1] += systematic_m2
+    rows[2][2], rows[5][5] = deck.variance_m2, deck.rate_variance
+    rows[2][5] = rows[5][2] = deck.covariance
+    return tuple(tuple(row) for row in rows)
+
+
+def _age_s(t_ns: int, then_ns: int | None) -> float | None:
+    return None if then_ns is None else (t_ns - then_ns) / NS
+
+
+def moved(estimate: PadEstimate, offset_m: Vec3) -> PadEstimate:
+    """The same estimate with positions moved by `offset_m` (O to W)."""
+    p = estimate.position_ned_m
+    return replace(estimate, position_ned_m=(p[0] + offset_m[0], p[1] + offset_m[1], p[2] + offset_m[2]))

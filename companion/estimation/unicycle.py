@@ -1,0 +1,208 @@
+"""The non-holonomic platform EKF of Falanga et al. (2017): x = (px, py, pz, theta, v), measured by a 3-D position.
+
+    px' = v cos(theta)    py' = v sin(theta)    pz' = 0    theta' = u1    v' = u2    with u1 = u2 = 0
+
+The platform cannot slip sideways; how it steers and brakes is unknown and stands in the process noise. Frame O (NED), theta
+is the direction of travel, clockwise from north. Compiled with the extra `fast`. Chosen by `estimator = "unicycle"`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+from companion.estimation.compiled import compiled, room
+from companion.estimation.gate import NS, AxisGate, Decision, judge
+from companion.estimation.measurement import PadMeasurement
+from companion.geometry import wrap_pi
+from companion.messages import MeasurementVerdict, ObservationSource, PadEstimate, Vec3
+
+BIASED = (ObservationSource.BEACON, ObservationSource.ODOMETRY)
+START_AFTER_M = 0.5
+"""Direction and speed are taken from the first two sights this far apart."""
+AXES = ("north", "east", "down")
+
+
+@compiled
+def predict_unicycle(
+    x: Any, P: Any, F: Any, W: Any, dt: float, q_position: float, q_height: float, q_theta: float, q_v: float
+) -> None:
+    """One step of mean and 5 x 5 covariance, in place; F is room for 4 floats, W for 25. q_*: variance gained per second."""
+    theta, v = x[3], x[4]
+    c, s = math.cos(theta), math.sin(theta)
+    x[0] += dt * v * c
+    x[1] += dt * v * s
+    F[0], F[1], F[2], F[3] = -dt * v * s, dt * c, dt * v * c, dt * s
+    for j in range(5):
+        W[j] = P[j] + F[0] * P[15 + j] + F[1] * P[20 + j]
+        W[5 + j] = P[5 + j] + F[2] * P[15 + j] + F[3] * P[20 + j]
+        W[10 + j], W[15 + j], W[20 + j] = P[10 + j], P[15 + j], P[20 + j]
+    for i in range(5):
+        r = 5 * i
+        P[r] = W[r] + F[0] * W[r + 3] + F[1] * W[r + 4]
+        P[r + 1] = W[r + 1] + F[2] * W[r + 3] + F[3] * W[r + 4]
+        P[r + 2], P[r + 3], P[r + 4] = W[r + 2], W[r + 3], W[r + 4]
+    P[0] += q_position * dt
+    P[6] += q_position * dt
+    P[12] += q_height * dt
+    P[18] += q_theta * dt
+    P[24] += q_v * dt
+
+
+@compiled
+def update_position(x: Any, P: Any, g: Any, z0: float, z1: float, z2: float, R0: float, R1: float, R2: float) -> None:
+    """Fuse north, east, down, one after the other; a variance of 0 leaves that axis out. `g` is room for 5 floats."""
+    for axis in range(3):
+        R = R0 if axis == 0 else (R1 if axis == 1 else R2)
+        if R <= 0.0:
+            continue
+        z = z0 if axis == 0 else (z1 if axis == 1 else z2)
+        for i in range(5):
+            g[i] = P[5 * i + axis]
+        S = g[axis] + R
+        y = z - x[axis]
+        for i in range(5):
+            k = g[i] / S
+            x[i] += k * y
+            for j in range(i + 1):
+                value = P[5 * i + j] - k * g[j]
+                P[5 * i + j] = value
+                P[5 * j + i] = value
+
+
+@dataclass(frozen=True, slots=True)
+class UnicycleSettings:
+    """Process noise as variance gained per second, and the gate of one component in standard deviations."""
+
+    position_psd: float = 1e-4
+    height_psd: float = 1e-3
+    theta_psd: float = 0.05
+    speed_psd: float = 0.2
+    gate_sigmas: float = 3.29
+
+
+@dataclass(slots=True)
+class UnicycleTrack:
+    """State at `t_ns`. Until the pad has moved `START_AFTER_M` the direction is open and the speed is zero."""
+
+    settings: UnicycleSettings
+    t_ns: int
+    x: Any
+    P: Any
+    first: Vec3 | None
+    first_ns: int
+    gates: dict[tuple[ObservationSource, str], AxisGate] = field(default_factory=dict)
+    vision_ns: int | None = None
+    beacon_ns: int | None = None
+
+    def copied(self) -> UnicycleTrack:
+        gates = {key: gate.copied() for key, gate in self.gates.items()}
+        return UnicycleTrack(
+            self.settings, self.t_ns, self.x.copy(), self.P.copy(), self.first, self.first_ns, gates,
+            self.vision_ns, self.beacon_ns,
+        )  # fmt: skip
+
+    def advance(self, t_ns: int, *, mixing: bool = True) -> None:
+        dt_s, s = (t_ns - self.t_ns) / NS, self.settings
+        if dt_s <= 0.0:
+            return
+        work = room([0.0] * 4), room([0.0] * 25)
+        predict_unicycle(self.x, self.P, *work, dt_s, s.position_psd, s.height_psd, s.theta_psd, s.speed_psd)
+        self.t_ns = t_ns
+
+    def fuse(self, m: PadMeasurement) -> MeasurementVerdict:
+        if m.position_o_m is None or m.covariance_m2 is None:
+            return MeasurementVerdict(m.t_ns, m.source, accepted=False, reason="this filter takes positions only")
+        variance = [m.covariance_m2[i][i] + 1e-4 + (m.bias_sigma_m**2 if m.source in BIASED else 0.0) for i in range(3)]
+        y = [m.position_o_m[i] - float(self.x[i]) for i in range(3)]
+        nis = sum(y[i] * y[i] / (float(self.P[6 * i]) + variance[i]) for i in range(3))
+        decisions = [self._judge(m, axis, y[axis], variance[axis]) for axis in range(3)]
+        kept = [R if d is not Decision.REJECT else 0.0 for R, d in zip(variance, decisions, strict=True)]
+        z = m.position_o_m
+        update_position(self.x, self.P, room([0.0] * 5), z[0], z[1], z[2], kept[0], kept[1], kept[2])
+        self._learn_direction(m.t_ns, z)
+        self._note(m, any(kept))
+        lost = [name for name, d in zip(AXES, decisions, strict=True) if d is Decision.REJECT]
+        reason = "outside gate: " + ", ".join(lost) if lost else "fused"
+        return MeasurementVerdict(m.t_ns, m.source, any(kept), reason, nis=nis, innovation=tuple(y))
+
+    def _judge(self, m: PadMeasurement, axis: int, y: float, R: float) -> Decision:
+        gate = self.gates.setdefault((m.source, AXES[axis]), AxisGate())
+        S = float(self.P[6 * axis]) + R
+        decision = judge(gate, t_ns=m.t_ns, y=y, S=S, R=R, limit=self.settings.gate_sigmas)
+        if decision is Decision.REACQUIRE:
+            self.P[6 * axis] += y * y
+            self.first, self.first_ns = m.position_o_m, m.t_ns
+        return decision
+
+    def _learn_direction(self, t_ns: int, z: Vec3) -> None:
+        """An EKF cannot start at an unknown direction: it is taken from the way covered since the first sight."""
+        if self.first is None:
+            return
+        dx, dy, dt_s = z[0] - self.first[0], z[1] - self.first[1], (t_ns - self.first_ns) / NS
+        way = math.hypot(dx, dy)
+        if way < START_AFTER_M or dt_s <= 0.0:
+            return
+        self.x[3], self.x[4] = math.atan2(dy, dx), way / dt_s
+        self.P[18], self.P[24] = 0.1, 0.25
+        for i in range(5):
+            for j in (3, 4):
+                if i != j:
+                    self.P[5 * i + j] = self.P[5 * j + i] = 0.0
+        self.first = None
+
+    def _note(self, m: PadMeasurement, accepted: bool) -> None:
+        if accepted and m.source in BIASED:
+            self.beacon_ns = m.t_ns
+        elif accepted:
+            self.vision_ns = m.t_ns
+
+    def shift_velocity(self, step_m_s: Vec3) -> None:
+        """Direction and speed of the shifted velocity."""
+        theta, v = float(self.x[3]), float(self.x[4])
+        vx, vy = v * math.cos(theta) + step_m_s[0], v * math.sin(theta) + step_m_s[1]
+        if step_m_s[0] or step_m_s[1]:
+            self.x[3], self.x[4] = math.atan2(vy, vx), math.hypot(vx, vy)
+
+    def estimate(self, name: str) -> PadEstimate:
+        px, py, pz, theta, v = (float(value) for value in self.x)
+        c, s = math.cos(theta), math.sin(theta)
+        return PadEstimate(
+            t_ns=self.t_ns,
+            position_ned_m=(px, py, pz),
+            velocity_ned_m_s=(v * c, v * s, 0.0),
+            acceleration_ned_m_s2=(0.0, 0.0, 0.0),
+            yaw_rad=wrap_pi(theta),
+            yaw_rate_rad_s=0.0,
+            covariance=self._covariance(c, s, v),
+            vision_age_s=None if self.vision_ns is None else (self.t_ns - self.vision_ns) / NS,
+            beacon_age_s=None if self.beacon_ns is None else (self.t_ns - self.beacon_ns) / NS,
+            model=name,
+        )
+
+    def _covariance(self, c: float, s: float, v: float) -> tuple[tuple[float, ...], ...]:
+        """J P J' with the velocity as a function of theta and v."""
+        J = [[float(i == j) for j in range(5)] for i in range(3)]
+        J += [[0.0, 0.0, 0.0, -v * s, c], [0.0, 0.0, 0.0, v * c, s], [0.0] * 5]
+        P = [[float(self.P[5 * i + j]) for j in range(5)] for i in range(5)]
+        JP = [[sum(row[k] * P[k][j] for k in range(5)) for j in range(5)] for row in J]
+        return tuple(tuple(sum(a[k] * b[k] for k in range(5)) for b in J) for a in JP)
+
+
+def start_unicycle(settings: UnicycleSettings, m: PadMeasurement) -> UnicycleTrack | None:
+    """A track from a first position; a velocity, where the beacon gives one, sets the direction at once."""
+    if m.position_o_m is None or m.covariance_m2 is None:
+        return None
+    P = [0.0] * 25
+    for i in range(3):
+        P[6 * i] = m.covariance_m2[i][i] + 1e-4 + (m.bias_sigma_m**2 if m.source in BIASED else 0.0)
+    P[18], P[24] = 1.0, 1.0
+    v = m.velocity_m_s
+    known = v is not None and math.hypot(v[0], v[1]) > 0.5
+    theta, speed = (math.atan2(v[1], v[0]), math.hypot(v[0], v[1])) if v is not None and known else (0.0, 0.0)
+    track = UnicycleTrack(
+        settings, m.t_ns, room([*m.position_o_m, theta, speed]), room(P), None if known else m.position_o_m, m.t_ns
+    )
+    track._note(m, True)
+    return track
