@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from sitl_stub.airframe import Airframe, read_airframe
@@ -11,16 +9,8 @@ from sitl_stub.autopilot.autopilot import Autopilot, AutopilotOptions
 from sitl_stub.autopilot.estimate import EstimateErrors
 from sitl_stub.geodesy import Origin
 from sitl_stub.multirotor import VehicleTruth
-from sitl_stub.rotation import Vec3
 from sitl_stub.scenario import Scenario, ScenarioError, find
-
-
-class SteadyWind:
-    def __init__(self, velocity_ned_m_s: Vec3) -> None:
-        self.velocity_ned_m_s = velocity_ned_m_s
-
-    def step(self, dt_s: float, height_m: float) -> Vec3:
-        return self.velocity_ned_m_s
+from sitl_stub.wind import DrydenWind, SteadyWind, StillAir, Wind
 
 
 def read_vehicle(scenario: Scenario) -> Airframe:
@@ -49,6 +39,13 @@ def make_autopilot(
     return autopilot
 
 
-def make_wind(scenario: Scenario, from_rad: float, rng: np.random.Generator) -> SteadyWind:
-    speed = scenario.wind.mean_m_s
-    return SteadyWind((-speed * math.cos(from_rad), -speed * math.sin(from_rad), 0.0))
+def make_wind(scenario: Scenario, from_rad: float, rng: np.random.Generator) -> Wind:
+    """The scenario's wind; steady without gusts."""
+    wind = scenario.wind
+    if wind.model == "none":
+        return StillAir()
+    vertical = wind.vertical_gust_sigma_m_s
+    vertical = 0.5 * wind.gust_sigma_m_s if vertical is None else vertical
+    if wind.gust_sigma_m_s == 0.0 and vertical == 0.0:
+        return SteadyWind(wind.mean_m_s, from_rad)
+    return DrydenWind(wind.mean_m_s, from_rad, wind.gust_sigma_m_s, vertical, rng)
