@@ -104,7 +104,7 @@ class Judge:
         self._deck_time_s = 0.0
         self._was_on_deck_lastingly = False
         self._hit_side = self._struck = self._fell = False
-        self._motors_ran = starts_in_air
+        self._motors_ran = False
         self._rest_s = self._overturned_s = self._stopped_s = 0.0
         self._ending = Ending.FLYING
         self._end_t_s = 0.0

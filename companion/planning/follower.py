@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from companion.config import Planning
-from companion.geometry import ZERO, norm, subtract
+from companion.geometry import ZERO, add, horizontal_norm, norm, subtract
 from companion.messages import PlanMade, Vec3
-from companion.planning.limits import limits_from_config
+from companion.planning.limits import Limits, limits_from_config
 from companion.planning.request import NoPlan, Plan, Planner, PlanRequest, plan_made
 
 RESTART_ERROR_M = 1.0
@@ -20,6 +20,12 @@ RESTART_ERROR_M = 1.0
 
 SETTLED_S = 1.0
 """A plan with less than this to go is flown to its end: replanning would push the end away for ever."""
+
+PAD_CHANGED_M_S, PAD_CHANGED_M_S2 = 0.7, 1.0
+"""The pad moves differently by this much from what the limits of the running plan were proven for: plan again."""
+
+OVERSHOOT = 1.05
+"""A start state that is faster than a limit widens that limit by this factor: slowing down is what the plan is for."""
 
 RAMP_AHEAD_M = 0.25
 """The ramp's reference runs at most this far below the vehicle, so that a vehicle on the deck is not pushed ever harder."""
@@ -111,13 +117,12 @@ class ReferenceFollower:
         if made_for.max_descent_m_s != request.max_descent_m_s:
             return True
         to_go_s = (self._plan.trajectory.end_ns - request.t_ns) / 1e9
-        return to_go_s > SETTLED_S and request.t_ns - made_for.t_ns >= self._period_ns
+        rested = request.t_ns - made_for.t_ns >= self._period_ns
+        return to_go_s > SETTLED_S and rested and _pad_changed(made_for, request)
 
     def _replan(self, request: FollowRequest) -> PlanMade:
         position, velocity, acceleration = self._start(request)
-        limits = self._limits
-        if request.max_descent_m_s is not None:
-            limits = replace(limits, max_descent_m_s=min(limits.max_descent_m_s, request.max_descent_m_s))
+        limits = _limits(self._limits, request, velocity)
         result = self._planner.plan(
             PlanRequest(
                 t_ns=request.t_ns,
@@ -145,6 +150,27 @@ class ReferenceFollower:
         if self._last is not None and norm(subtract(self._last[1][0], request.position_m)) <= RESTART_ERROR_M:
             return self._last[1]
         return (request.position_m, request.velocity_m_s, ZERO)
+
+
+def _limits(limits: Limits, request: FollowRequest, velocity: Vec3) -> Limits:
+    """The configured limits, a slower descent where the goal asks for it, and room for a start that is too fast."""
+    descent = limits.max_descent_m_s
+    if request.max_descent_m_s is not None:
+        descent = min(descent, request.max_descent_m_s)
+    total = add(velocity, request.pad_velocity_m_s)
+    return replace(
+        limits,
+        max_descent_m_s=max(descent, OVERSHOOT * total[2]),
+        max_climb_m_s=max(limits.max_climb_m_s, -OVERSHOOT * total[2]),
+        relative_speed_m_s=max(limits.relative_speed_m_s, OVERSHOOT * horizontal_norm(velocity)),
+        max_speed_m_s=max(limits.max_speed_m_s, OVERSHOOT * horizontal_norm(total)),
+    )
+
+
+def _pad_changed(made_for: FollowRequest, request: FollowRequest) -> bool:
+    velocity = norm(subtract(made_for.pad_velocity_m_s, request.pad_velocity_m_s))
+    acceleration = norm(subtract(made_for.pad_acceleration_m_s2, request.pad_acceleration_m_s2))
+    return velocity > PAD_CHANGED_M_S or acceleration > PAD_CHANGED_M_S2
 
 
 def _has_parted(plan: Plan, request: FollowRequest) -> bool:
