@@ -6,7 +6,6 @@ thread, gives the same bytes, as long as the captures of one camera are rendered
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import cv2
@@ -15,6 +14,7 @@ import numpy.typing as npt
 
 from sitl_stub.camera.camera import Camera
 from sitl_stub.camera.scene import CameraView
+from sitl_stub.rotation import Quaternion, Vec3, from_rotation_vector, multiply
 
 Image = npt.NDArray[np.uint8]
 
@@ -67,6 +67,13 @@ class CameraChannel:
         self.next_us = round(self._phase_us + self._ticks * self._period_us)
         self._ticks += 1
 
+    def skip_to(self, t_us: int) -> None:
+        """Leave out what should have been taken before `t_us` (a clock that was not known until now)."""
+        while self.next_us < t_us:
+            missing = int((t_us - self._phase_us) / self._period_us)
+            self._ticks = max(self._ticks, missing)
+            self._schedule()
+
     def capture(self, view: CameraView) -> Capture | None:
         """The picture of `next_us`; None when the camera drops it. Goes on to the next."""
         t_us = self.next_us
@@ -95,18 +102,7 @@ def jpeg(image: Image, quality: int) -> bytes:
     return data.tobytes()
 
 
-def turned_back(
-    q: tuple[float, float, float, float], rates: tuple[float, float, float], dt_s: float
-) -> tuple[float, ...]:
+def turned_back(q: Quaternion, rates_rad_s: Vec3, dt_s: float) -> Quaternion:
     """Attitude `dt_s` earlier at constant body rates; for the few milliseconds between a capture and the step after it."""
-    w, x, y, z = q
-    h = -0.5 * dt_s
-    p, r, s = rates[0] * h, rates[1] * h, rates[2] * h
-    turned = (
-        w - p * x - r * y - s * z,
-        x + p * w + s * y - r * z,
-        y + r * w - s * x + p * z,
-        z + s * w + r * x - p * y,
-    )
-    size = math.sqrt(sum(c * c for c in turned))
-    return tuple(c / size for c in turned)
+    p, r, s = rates_rad_s
+    return multiply(q, from_rotation_vector(-p * dt_s, -r * dt_s, -s * dt_s))

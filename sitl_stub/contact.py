@@ -19,9 +19,6 @@ from sitl_stub.carriers.deck import DeckState
 Vec3 = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 
-NEAR_M = 0.6
-"""Nothing touches while the centre of gravity is further than this from the surfaces."""
-
 # Stiffness so that the natural frequency on four feet is 100 rad/s: a millimetre of sag, far from the limit at 1 ms steps.
 _STIFFNESS_1_S2 = 2500.0
 _TANGENTIAL_RATIO = 0.8
@@ -70,6 +67,8 @@ class ContactState:
     frame_on_ground: int = 0
     side_hits: int = 0
     """Points that press against a side of the deck."""
+    gap_m: float = math.inf
+    """How far the lowest foot is above what is under it; not positive while one touches. Infinite: not looked at."""
     force_ned_n: Vec3 = (0.0, 0.0, 0.0)
     torque_frd_nm: Vec3 = (0.0, 0.0, 0.0)
 
@@ -113,25 +112,26 @@ class Contact:
         self._shape = deck
         self._surface = surface
         self._reach_m = max(math.dist((0.0, 0.0, 0.0), p) for p in (*feet_frd_m, *frame_frd_m))
+        corner = math.hypot(deck.center_x_m, deck.center_y_m) + 0.5 * math.hypot(deck.length_m, deck.width_m)
+        self._deck_radius_m = corner
         self.state = ContactState()
 
-    def is_near(self, position_ned_m: Vec3, deck: DeckState) -> bool:
-        """Whether a point could touch the ground or the deck within the next few milliseconds."""
-        reach = self._reach_m + 0.1
-        if position_ned_m[2] > -reach:
-            return True
-        dx, dy = position_ned_m[0] - deck.position_ned_m[0], position_ned_m[1] - deck.position_ned_m[1]
-        span = 0.5 * math.hypot(self._shape.length_m, self._shape.width_m) + reach
-        span += math.hypot(self._shape.center_x_m, self._shape.center_y_m)
-        lift = 0.5 * math.hypot(self._shape.length_m, self._shape.width_m) if deck.rpy_rad[:2] != (0.0, 0.0) else 0.0
-        return dx * dx + dy * dy < span * span and position_ned_m[2] > deck.position_ned_m[2] - reach - lift
+    def clearance_m(self, position_ned_m: Vec3, deck: DeckState) -> float:
+        """No point of the vehicle is nearer than this to the ground or the deck, however it is turned; <= 0: it may touch."""
+        x, y, z = position_ned_m
+        o = deck.position_ned_m
+        aside = math.hypot(x - o[0], y - o[1]) - self._deck_radius_m
+        above = o[2] - self._deck_radius_m * _steepness(deck) - z
+        return min(-z, max(aside, above)) - self._reach_m
 
     def release(self) -> None:
         """Nothing is near: forget all anchors."""
         self.state = ContactState()
         for point in self._points:
-            point.face, point.on_ground = -1, False
-            point.last_d_m = (0.0, 0.0, -1.0)
+            self._let_go(point)
+
+    def _let_go(self, point: _Point) -> None:
+        point.face, point.on_ground, point.last_d_m = -1, False, (0.0, 0.0, -1.0)
 
     def step(
         self,
@@ -146,11 +146,16 @@ class Contact:
         wx, wy, wz = _rotated(r, rates_frd_rad_s)
         px, py, pz = position_ned_m
         vx, vy, vz = velocity_ned_m_s
+        # Above this nothing can touch: the common case while the vehicle stands, for all but the feet.
+        ceiling = min(deck.position_ned_m[2] - self._deck_radius_m * _steepness(deck), 0.0)
         state = ContactState()
         fx = fy = fz = tx = ty = tz = 0.0
         for point in self._points:
             ax, ay, az = _rotated(r, point.at_frd_m)
             p = (px + ax, py + ay, pz + az)
+            if p[2] <= ceiling and not point.is_foot:
+                self._let_go(point)
+                continue
             v = (vx + wy * az - wz * ay, vy + wz * ax - wx * az, vz + wx * ay - wy * ax)
             force = self._on_point(point, p, v, deck, state)
             if force is None:
@@ -175,6 +180,8 @@ class Contact:
         return (on_deck[0] + on_ground[0], on_deck[1] + on_ground[1], on_deck[2] + on_ground[2])
 
     def _on_ground(self, point: _Point, p: Vec3, v: Vec3, state: ContactState) -> Vec3 | None:
+        if point.is_foot and -p[2] < state.gap_m:
+            state.gap_m = -p[2]
         if p[2] <= 0.0:
             point.on_ground = False
             return None
@@ -197,6 +204,8 @@ class Contact:
         d = (r[0] * dx + r[3] * dy + r[6] * dz, r[1] * dx + r[4] * dy + r[7] * dz, r[2] * dx + r[5] * dy + r[8] * dz)
         face = self._face(point, d)
         point.last_d_m, point.face = d, face
+        if point.is_foot and -d[2] < state.gap_m and self._is_over(d):
+            state.gap_m = -d[2]
         if face < 0:
             return None
         ex = v[0] - u[0] - w[1] * dz + w[2] * dy
@@ -210,9 +219,7 @@ class Contact:
     def _face(self, point: _Point, d: Vec3) -> int:
         """Which face of the box the point presses on: the one it came in by; -1 outside."""
         s = self._shape
-        x, y = d[0] - s.center_x_m, d[1] - s.center_y_m
-        half_x, half_y = 0.5 * s.length_m, 0.5 * s.width_m
-        if not (0.0 < d[2] < s.depth_m and -half_x < x < half_x and -half_y < y < half_y):
+        if not (0.0 < d[2] < s.depth_m and self._is_over(d)):
             return -1
         if point.face >= 0:
             return point.face
@@ -220,8 +227,13 @@ class Contact:
         last_x, last_y, last_z = point.last_d_m[0] - s.center_x_m, point.last_d_m[1] - s.center_y_m, point.last_d_m[2]
         if last_z <= 0.0:
             return _TOP
+        half_x, half_y = 0.5 * s.length_m, 0.5 * s.width_m
         overhang = {_FRONT: last_x - half_x, _BACK: -last_x - half_x, _RIGHT: last_y - half_y, _LEFT: -last_y - half_y}
         return max(overhang, key=lambda name: overhang[name])
+
+    def _is_over(self, d: Vec3) -> bool:
+        s = self._shape
+        return abs(d[0] - s.center_x_m) < 0.5 * s.length_m and abs(d[1] - s.center_y_m) < 0.5 * s.width_m
 
     def _depth(self, face: int, d: Vec3) -> float:
         s = self._shape
@@ -272,6 +284,12 @@ class Contact:
             state.feet_on_deck += 1
         else:
             state.frame_on_deck += 1
+
+
+def _steepness(deck: DeckState) -> float:
+    """How much higher than its centre a deck may be at a distance of 1 m."""
+    roll, pitch, _ = deck.rpy_rad
+    return 0.0 if roll == 0.0 and pitch == 0.0 else abs(roll) + abs(pitch)
 
 
 def foot_damping(mass_kg: float, feet: int, stiffness_n_m: float, restitution: float) -> float:

@@ -35,7 +35,7 @@ class ScenarioError(ValueError):
 class Vehicle(Section, frozen=True):
     """[vehicle]: which multirotor, with which parameters, and how the flight begins."""
 
-    airframe: str = "sih_quadx"
+    airframe: str = "x500"
     """A file of configs/airframes, or a path."""
     start: Literal["air", "ground", "deck"] = "air"
     """air: flying in AUTO.LOITER, armed. ground: standing, disarmed, at the origin. deck: standing on the pad, disarmed."""
@@ -50,7 +50,7 @@ class Vehicle(Section, frozen=True):
 
 
 class Wind(Section, frozen=True):
-    """[wind]: mean at 6 m height and turbulence."""
+    """[wind]: mean at 6 m height (less below, more above) and turbulence."""
 
     mean_m_s: NonNegative = 3.0
     from_deg: float | None = None
@@ -60,6 +60,7 @@ class Wind(Section, frozen=True):
     vertical_gust_sigma_m_s: NonNegative | None = None
     """Absent: half of the horizontal one."""
     model: Literal["dryden", "none"] = "dryden"
+    """dryden: gusts of MIL-F-8785C at low altitude. none: still air."""
 
 
 class Place(Section, frozen=True):

@@ -108,6 +108,7 @@ class World:
             scenario, airframe, self.vehicle.truth(), self.origin, generator(seed, "autopilot")
         )
         self._wind = make_wind(scenario, start.wind_from_rad, generator(seed, "wind"))
+        self._wind_ned_m_s: Vec3 = (0.0, 0.0, 0.0)
         self._contact = Contact(
             mass_kg=airframe.mass_kg,
             feet_frd_m=airframe.feet_frd_m,
@@ -204,7 +205,7 @@ class World:
             for datagram in self._to_vehicle.due(t_us):
                 self.autopilot.receive(datagram.link, datagram.data, t_us)
         motors = self.autopilot.step(t_us, vehicle.truth(), self._range.value_m, STEP_S)
-        wind = self._wind.step(STEP_S, -vehicle.state.z)
+        wind = self._wind_ned_m_s = self._wind.step(STEP_S, -vehicle.state.z)
         self.t_us = t_us + STEP_US
         if t_us < self._clear_until_us or self._is_clear(t_us):
             vehicle.step(STEP_S, motors, wind)
@@ -352,7 +353,7 @@ class World:
             vehicle_in_pad_m=self._in_pad(deck),
             mode=self.autopilot.mode_name,
             is_armed=self.autopilot.is_armed,
-            wind_ned_m_s=self._wind.velocity_ned_m_s,
+            wind_ned_m_s=self._wind_ned_m_s,
         )
 
     def verdict(self) -> Verdict:
