@@ -27,7 +27,6 @@ STEP_US = 4_000
 _STREAM_US = 20_000
 _BEFORE_S = 1.0
 _IN_FLIGHT = FlightConstraints(armed=True, landed=False, maybe_landed=False)
-_SETTLED_HOVER_VARIANCE = 1.6e-6
 
 RESPONSE = ("x", "y", "z", "vx", "vy", "vz", "roll", "pitch", "yaw", "p", "q", "r", "sp_roll", "sp_pitch", "sp_thrust")
 
@@ -118,7 +117,6 @@ class Replay:
         ]
         cascade.velocity_integral_m_s2 = _three(np.array(integral))
         cascade.start_in_flight(trim.hover_thrust, attitude, signal, trim.velocity_m_s, trim.acceleration_m_s2)
-        cascade.hover_thrust_estimator.start(trim.hover_thrust, _SETTLED_HOVER_VARIANCE)
         body = Multirotor(
             airframe, trim.position_m, trim.velocity_m_s, attitude, motors=(signal, signal, signal, signal)
         )

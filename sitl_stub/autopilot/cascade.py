@@ -124,10 +124,11 @@ class Cascade:
         attitude: Quaternion,
         thrust: float,
         velocity_ned_m_s: Vec3,
-        acceleration_ned_m_s2: Vec3,
+        acceleration_ned_m_s2: Vec3 = _ZERO,
     ) -> None:
-        """Begin in steady flight: setpoints at the present state, full tilt, the velocity's derivative known."""
+        """Begin in steady flight: setpoints at the present state, full tilt, hover thrust and the velocity's derivative known."""
         self.hover_thrust = hover_thrust
+        self.hover_thrust_estimator.start(hover_thrust)
         self.attitude_setpoint, self.thrust_setpoint = attitude, thrust
         self.tilt_limit_rad = tilt_limit_rad(self._parameters, True)
         self._last_velocity, self._velocity_derivative = velocity_ned_m_s, acceleration_ned_m_s2

@@ -18,6 +18,7 @@ _RESIDUAL_TIME_S = 1.0
 _FIRST_NOISE_VARIANCE = 5.0
 _VALID_VARIANCE = 0.001
 _VALID_AFTER_S = 2.0
+_SETTLED_VARIANCE = 1.6e-6
 
 
 class HoverThrust:
@@ -47,9 +48,9 @@ class HoverThrust:
         self._ratio = 0.0
         self._good_for_s = 0.0
 
-    def start(self, value: float, variance: float) -> None:
+    def start(self, value: float) -> None:
         """Begin with an estimate that has already settled (starts in the air)."""
-        self.value, self.variance, self.is_valid = value, variance, True
+        self.value, self.variance, self.is_valid = value, _SETTLED_VARIANCE, True
         self._noise = 1.0
 
     def update(self, acceleration_up: float, thrust_up: float, velocity_ned_m_s: Vec3, dt: float) -> None:
