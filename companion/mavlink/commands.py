@@ -7,8 +7,9 @@ second acceptance counts. All other commands have one acknowledgement and it is 
 
 At most one command of a MAV_CMD is outstanding. The same request again changes nothing; another request with the same
 MAV_CMD (hold after offboard, forced disarm after disarm) replaces it at once. Acknowledgements do not say whom they
-answer, so after such a replacement a refusal, or the acceptance of a one-answer command, is not believed until it was
-asked again.
+answer, and answers to the request before may still be under way, late or doubled. So for the length of one timeout after
+it a refusal is not believed: if it was meant, the next attempt is refused too. Nor is the acceptance of a one-answer
+command, unless the one before was refused: it is asked again.
 """
 
 from __future__ import annotations
@@ -39,6 +40,8 @@ RESULT_NAMES = {
     8: "command_int_only",
     9: "unsupported_mav_frame",
 }
+
+SUPERSEDED = "superseded"
 
 Parameters = tuple[float | None, ...]
 
@@ -79,9 +82,20 @@ class _Outstanding:
     kind: CommandKind
     request: Request
     deadline_ns: int
+    sent_ns: int
+    refusals_count_from_ns: int
+    acceptance_counts: bool
     attempts: int = 1
     acceptances: int = 0
-    replaced_another: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class _Ended:
+    """The command before: answers to it may still come."""
+
+    kind: CommandKind
+    sent_ns: int
+    was_refused: bool
 
 
 class Commander:
@@ -92,6 +106,7 @@ class Commander:
         self._timeout_ns = timeout_ns
         self._attempts = attempts
         self._outstanding: dict[int, _Outstanding] = {}
+        self._last: dict[int, _Ended] = {}
         self._to_send: list[CommandLong] = []
         self._results: list[CommandResult] = []
         self.current_mode_seen = False
@@ -104,9 +119,17 @@ class Commander:
         if before is not None and before.kind is command.kind:
             return
         if before is not None:
-            self._finish(before, now_ns, accepted=False, result="superseded")
+            self._finish(before, now_ns, accepted=False, result=SUPERSEDED)
+        last = self._last.get(request.command)
+        if last is not None and (last.kind is command.kind or now_ns >= last.sent_ns + self._timeout_ns):
+            last = None  # nothing under way that could be mistaken
         pending = _Outstanding(
-            command.kind, request, deadline_ns=now_ns + self._timeout_ns, replaced_another=before is not None
+            kind=command.kind,
+            request=request,
+            deadline_ns=now_ns + self._timeout_ns,
+            sent_ns=now_ns,
+            refusals_count_from_ns=now_ns if last is None else last.sent_ns + self._timeout_ns,
+            acceptance_counts=last is None or last.was_refused,
         )
         self._outstanding[request.command] = pending
         self._send(pending)
@@ -128,7 +151,7 @@ class Commander:
             self._refused(pending, ack.result, now_ns)
         elif pending.request.mode is not None:
             return self._mode_accepted(pending, now_ns)
-        elif pending.replaced_another:
+        elif not pending.acceptance_counts:
             self._ask_again(pending, now_ns)
         else:
             self._finish(pending, now_ns, accepted=True, result="accepted")
@@ -144,15 +167,13 @@ class Commander:
 
     def _mode_accepted(self, pending: _Outstanding, now_ns: int) -> CommandKind | None:
         pending.acceptances += 1
-        if self.current_mode_seen or pending.acceptances < 2 or pending.replaced_another:
+        if self.current_mode_seen or pending.acceptances < 2 or not pending.acceptance_counts:
             return None
         self._finish(pending, now_ns, accepted=True, result="accepted")
         return pending.kind
 
     def _refused(self, pending: _Outstanding, result: int, now_ns: int) -> None:
-        if pending.replaced_another:
-            self._ask_again(pending, now_ns)
-        else:
+        if now_ns >= pending.refusals_count_from_ns:
             self._finish(pending, now_ns, accepted=False, result=RESULT_NAMES.get(result, f"result_{result}"))
 
     # ----------------------------------------------------------------------------------------------------------- time
@@ -170,8 +191,9 @@ class Commander:
                 self._finish(pending, now_ns, accepted=False, result=seen)
 
     def _ask_again(self, pending: _Outstanding, now_ns: int) -> None:
-        pending.replaced_another = False
+        pending.acceptance_counts = True
         pending.acceptances = 0
+        pending.sent_ns = now_ns
         pending.attempts += 1
         pending.deadline_ns = now_ns + self._timeout_ns
         self._send(pending)
@@ -183,6 +205,8 @@ class Commander:
 
     def _finish(self, pending: _Outstanding, now_ns: int, *, accepted: bool, result: str) -> None:
         del self._outstanding[pending.request.command]
+        refused = not accepted and result in RESULT_NAMES.values()
+        self._last[pending.request.command] = _Ended(pending.kind, pending.sent_ns, was_refused=refused)
         self._results.append(CommandResult(now_ns, pending.kind, accepted, result, pending.attempts))
 
     def drain(self) -> tuple[list[CommandLong], list[CommandResult]]:
