@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from companion.config import Planning
-from companion.geometry import ZERO
+from companion.geometry import ZERO, norm
 from companion.messages import Vec3
 from companion.planning.limits import (
     TOLERANCE,
@@ -41,8 +41,8 @@ GROWTH_MIN, GROWTH_MAX = 1.04, 1.6
 REFINEMENTS = 4
 TOP_SPEED_SHARE = 0.3
 """Share of the descent limit at which a plan passes the top of the descent cone."""
-CLEARANCE = 1.05
-"""Free control points are pushed this much further than the volume's radius."""
+DETOUR_WIDTHS = (1.1, 1.6, 2.4)
+"""How far from a volume's centre its detours push control points, in radii."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -332,25 +332,27 @@ def _cone_height(cone: DescentCone, distance_m: float) -> float:
 
 
 def _push_out(request: PlanRequest, obstacle: Obstacle, points: Points, i: int, t_s: float, push: Vec3) -> None:
-    """Shift a control point along the detour's direction until it is past the volume."""
+    """Shift a control point along the detour until it is past the volume by the detour's length in radii."""
     centre = centre_at(obstacle, request.pad_velocity_m_s, t_s)
-    depth = sum(push[k] * (points[k][i] - centre[k]) for k in range(3))
+    factor = norm(push)
+    reach = obstacle.radius_m * factor
     beside = math.hypot(points[0][i] - centre[0], points[1][i] - centre[1])
-    reach = obstacle.radius_m * CLEARANCE
-    if depth < reach and beside < 2.0 * reach:
+    depth = sum(push[k] * (points[k][i] - centre[k]) for k in range(3)) / factor if factor else reach
+    if depth < reach and beside < reach + 2.0 * obstacle.radius_m:
         for k in range(3):
-            points[k][i] += push[k] * (reach - depth)
+            points[k][i] += push[k] / factor * (reach - depth)
 
 
 def _detours(request: PlanRequest) -> Iterator[Vec3]:
-    """Directions in which to pass the volumes: none needed, else left, right, above."""
+    """How to pass the volumes: straight on first, else left and right, ever wider."""
     yield ZERO
     if request.obstacles:
         dx = request.goal_position_m[0] - request.position_m[0]
         dy = request.goal_position_m[1] - request.position_m[1]
         length = math.hypot(dx, dy) or 1.0
-        yield (dy / length, -dx / length, 0.0)
-        yield (-dy / length, dx / length, 0.0)
+        for width in DETOUR_WIDTHS:
+            yield (width * dy / length, -width * dx / length, 0.0)
+            yield (-width * dy / length, width * dx / length, 0.0)
 
 
 def _differences(points: Axes, factors: tuple[float, ...], h: float) -> Points:

@@ -102,6 +102,10 @@ def across(direction: Array) -> tuple[Array, Array]:
 def _quadratic_program(quadratic: Array, gradient: Array, rows: Array, middles: Array, half_width_m: float) -> Array:
     """Least 1/2 x'Px + c'x with |Gx - m| <= half width; rows without unknowns are left to the waypoints themselves."""
     used = np.abs(rows).max(axis=1, initial=0.0) > 1e-12
+    if bool((np.abs(middles[~used]) > half_width_m + 1e-9).any()):
+        raise CorridorError(f"the end states alone leave the corridor of {half_width_m:.2f} m")
+    if not used.any():
+        return np.zeros(len(gradient))
     solver: Any = _piqp().DenseSolver()
     solver.settings.eps_abs = 1e-9
     solver.settings.eps_rel = 1e-10

@@ -8,8 +8,9 @@ clear of a fixed volume at the origin" proves clearance for the time the points 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import chain, combinations
 
 from companion.messages import Vec3
 
@@ -63,13 +64,16 @@ def hull_is_clear(obstacle: Obstacle, offsets_m: Sequence[Vec3], points_z_m: Seq
     return any(all(_dot(n, d) >= radius for d in offsets_m) for n in _directions(offsets_m))
 
 
-def _directions(offsets: Sequence[Vec3]) -> list[Vec3]:
-    """Candidate normals: towards each point, towards the middle, and across the chords (horizontal)."""
-    middle = (sum(d[0] for d in offsets), sum(d[1] for d in offsets), sum(d[2] for d in offsets))
-    first, last = offsets[0], offsets[-1]
-    across = (last[1] - first[1], first[0] - last[0], 0.0)
-    candidates = [middle, across, (-across[0], -across[1], 0.0), *offsets]
-    return [(d[0] / r, d[1] / r, d[2] / r) for d in candidates if (r := math.sqrt(_dot(d, d))) > 1e-9]
+def _directions(offsets: Sequence[Vec3]) -> Iterator[Vec3]:
+    """Candidate normals: towards the middle and each point, then across each pair (horizontal). In the plane one of them
+    separates wherever a line does, since the nearest place of a hull is a corner or on an edge."""
+    towards = [(sum(d[0] for d in offsets), sum(d[1] for d in offsets), sum(d[2] for d in offsets)), *offsets]
+    across = ((b[1] - a[1], a[0] - b[0], 0.0) for a, b in combinations(offsets, 2))
+    both_ways = (n for x, y, z in across for n in ((x, y, z), (-x, -y, -z)))
+    for d in chain(towards, both_ways):
+        size = math.sqrt(_dot(d, d))
+        if size > 1e-9:
+            yield (d[0] / size, d[1] / size, d[2] / size)
 
 
 def _dot(a: Vec3, b: Vec3) -> float:
