@@ -102,6 +102,7 @@ class Autopilot:
         estimate_rng, home_rng, imu_rng = rng.spawn(3)
         self.options = options
         self.parameters = Parameters({**airframe.parameters, **(parameters or {})})
+        self._hover_signal = airframe.hover_signal
         values = self.parameters.as_mapping()
         self.estimator = Estimator(values, estimate_rng, options.errors)
         self.cascade = Cascade(values)
@@ -176,6 +177,8 @@ class Autopilot:
         estimate = self.estimator.step(t_us, truth, None, 0.004)
         x, y, _ = estimate.position_ned_m
         self.home.set_here((x, y, 0.0), estimate.yaw_rad, t_us)
+        hover = self._hover_signal
+        self.cascade.start_in_flight(hover, estimate.q_ned_frd, hover, estimate.velocity_ned_m_s)
         self.commander.begin_in_air(t_us)
         self._armings_seen = self.commander.armings
         self.land_detector.begin_in_air(t_us)
@@ -434,13 +437,15 @@ class Autopilot:
         state = self.takeoff.update(
             t_us, commander.armed, landed, commander.armed and self._task_wants_takeoff, skip=self._skips_ramp
         )
-        climb_max = self.parameters.get("MPC_Z_VEL_MAX_UP")
+        climb_max = self.parameters.get("MPC_TKO_SPEED" if self._target is not None else "MPC_Z_VEL_MAX_UP")
         c.armed = commander.armed
         c.landed = landed
         c.maybe_landed = self.land_detector.maybe_landed
         c.is_flying = state is TakeoffState.FLIGHT
         c.thrust_off = state < TakeoffState.RAMP_UP or (c.is_flying and self.land_detector.ground_contact)
         c.climb_limit_m_s = self.takeoff.climb_limit_m_s(dt_s, climb_max) if state is TakeoffState.RAMP_UP else nan
+        # A negative climb limit of the ramp goes before the limit of descent.
+        c.descent_limit_m_s = max(-c.climb_limit_m_s, self.parameters.get("MPC_Z_VEL_MAX_DN"))
         motors = self.cascade.step(dt_s, self.estimator.estimate, self._setpoint, c)
         if commander.terminated or commander.killed:
             return _STOPPED
