@@ -106,7 +106,8 @@ class Vision(_Section, frozen=True):
 
 class Estimation(_Section, frozen=True):
     """Where the pad is and will be. `lag_s` is how late a measurement may come and still be worked in; the vehicle sigmas
-    say how far the autopilot's own estimate may be off (measured on a real PX4)."""
+    say how far the autopilot's own estimate may be off (measured on a real PX4). `ground_down_m` is the pad's height in local
+    NED, for the estimator that sees bearings only, until a range sensor tells better."""
 
     estimator: str = "imm"
     gate_probability: Annotated[float, Meta(gt=0.5, lt=1.0)] = 0.999
@@ -118,6 +119,7 @@ class Estimation(_Section, frozen=True):
     vehicle_tilt_sigma_deg: NonNegative = 1.2
     vehicle_yaw_sigma_deg: NonNegative = 3.0
     vehicle_velocity_sigma_m_s: NonNegative = 0.3
+    ground_down_m: float = 0.0
     lost_after_s: Positive = 15.0
 
 

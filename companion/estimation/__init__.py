@@ -6,12 +6,14 @@ file and can be chosen alone, `imm` runs several. docs/estimation.md explains th
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
 from companion.config import Camera, Estimation, Pad
 from companion.estimation.bank_track import TrackSettings, gate_sigmas, started
+from companion.estimation.bearing_ukf import BearingSettings, start_bearing
 from companion.estimation.constant_acceleration import ConstantAcceleration
 from companion.estimation.constant_velocity import ConstantVelocity
 from companion.estimation.coordinated_turn import CoordinatedTurn
@@ -74,6 +76,16 @@ def _unicycle(config: Estimation) -> PadEstimator:
     return PadFilter("unicycle", start, lag_s=config.lag_s, lost_after_s=config.lost_after_s)
 
 
+def _bearing_ukf(config: Estimation) -> PadEstimator:
+    settings = BearingSettings(
+        tilt_sigma_rad=math.radians(config.vehicle_tilt_sigma_deg),
+        yaw_sigma_rad=math.radians(config.vehicle_yaw_sigma_deg),
+        ground_down_m=config.ground_down_m,
+    )
+    start = partial(start_bearing, settings)
+    return PadFilter("bearing_ukf", start, lag_s=config.lag_s, lost_after_s=config.lost_after_s)
+
+
 ESTIMATORS: dict[str, Factory] = {
     "imm": _bank("imm", _imm_models),
     "boat": _bank("boat", _boat_models, vertical=Sea(), tilt=Oscillator(sigma=0.06, mean_psd=1e-5)),
@@ -83,6 +95,7 @@ ESTIMATORS: dict[str, Factory] = {
     "coordinated_turn": _bank("coordinated_turn", lambda bias: {CoordinatedTurn(bias=bias): 1.0}),
     "weaving_turn": _bank("weaving_turn", lambda bias: {WeavingTurn(bias=bias): 1.0}),
     "unicycle": _unicycle,
+    "bearing_ukf": _bearing_ukf,
 }
 
 
