@@ -395,8 +395,8 @@ class Autopilot:
     def _fly_automatically(self, mode: NavState, situation: Situation) -> Setpoint:
         self._enter_route(mode, situation)
         assert self._route is not None
-        if self.takeoff.state < TakeoffState.RAMP_UP:
-            # On the ground the task begins again each step, so that the climb starts with the ramp.
+        if self.takeoff.state < TakeoffState.FLIGHT:
+            # PX4 begins the task again and again until the ramp has ended: the climb itself starts only then.
             self._auto_flight.start(situation)
         self._target = self._route.update(situation)
         if self._route.done and mode is NavState.AUTO_TAKEOFF:
@@ -437,7 +437,7 @@ class Autopilot:
         state = self.takeoff.update(
             t_us, commander.armed, landed, commander.armed and self._task_wants_takeoff, skip=self._skips_ramp
         )
-        climb_max = self.parameters.get("MPC_TKO_SPEED" if self._target is not None else "MPC_Z_VEL_MAX_UP")
+        climb_max = self.parameters.get("MPC_Z_VEL_MAX_UP")
         c.armed = commander.armed
         c.landed = landed
         c.maybe_landed = self.land_detector.maybe_landed

@@ -1,7 +1,7 @@
 """PX4's take-off handling: spool-up with zero thrust, then a ramp of the allowed climb rate, then flight.
 
-The ramp starts at the climb rate that asks for zero thrust (-g / MPC_Z_VEL_P_ACC) and ends at MPC_TKO_SPEED after MPC_TKO_RAMP_T, so the
-vehicle leaves the ground 3 s after arming whatever mode it is in. Called by the autopilot each control step.
+The ramp starts at the climb rate that asks for zero thrust (-g / MPC_Z_VEL_P_ACC) and ends after MPC_TKO_RAMP_T at MPC_Z_VEL_MAX_UP: in
+OFFBOARD the vehicle leaves the ground 3 s after arming, in AUTO.TAKEOFF, whose climb waits for the end of the ramp, about 1 s later. Called by the autopilot each control step.
 """
 
 from __future__ import annotations
@@ -63,4 +63,4 @@ class TakeoffRamp:
         self._progress += dt_s / ramp_s if ramp_s > dt_s else 1.0
         if self._progress >= 1.0:
             return climb_max_m_s
-        return start_m_s + self._progress * (min(climb_max_m_s, self._parameters.get("MPC_TKO_SPEED")) - start_m_s)
+        return start_m_s + self._progress * (climb_max_m_s - start_m_s)

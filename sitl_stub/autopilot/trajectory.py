@@ -1,8 +1,8 @@
 """Jerk-limited motion as PX4's automatic modes fly it: one axis of velocity smoothing, and a point that is drawn to a target.
 
 The point's horizontal speed is the least of the cruise speed, MPC_XY_TRAJ_P times the distance, and what still allows braking; hence
-the lag of 1 / MPC_XY_TRAJ_P (2 s) behind a moving target. When the vehicle falls behind the point by more than MPC_XY_ERR_MAX the
-point waits. NED, metres, seconds; used by the automatic flight task.
+the lag of 1 / MPC_XY_TRAJ_P (2 s) behind a moving target. The more the vehicle falls behind the
+point, the slower the point's time runs; at MPC_XY_ERR_MAX it waits. NED, metres, seconds; used by the automatic flight task.
 """
 
 from __future__ import annotations
@@ -110,8 +110,11 @@ class SmoothedPoint:
             self._advance_z(self._vertical_speed_m_s(target_z_m, limits), limits, dt_s)
 
     def _time_stretch(self, vehicle_m: tuple[float, float, float], limits: SmoothingLimits) -> float:
-        error = hypot(*(axis.position_m - at for axis, at in zip(self._axes, vehicle_m, strict=True)))
-        return max(0.0, min(1.0, 1.0 - error / limits.error_max_m)) if error > 0.5 * limits.error_max_m else 1.0
+        """Slower time for the point when the vehicle is behind it, horizontally."""
+        dx, dy = self.x.position_m - vehicle_m[0], self.y.position_m - vehicle_m[1]
+        if dx * self.x.velocity_m_s + dy * self.y.velocity_m_s < 0.0:
+            return 1.0
+        return max(0.0, 1.0 - hypot(dx, dy) / limits.error_max_m)
 
     def _advance_xy(self, target_xy_m: tuple[float, float], limits: SmoothingLimits, dt_s: float) -> None:
         dx, dy = target_xy_m[0] - self.x.position_m, target_xy_m[1] - self.y.position_m
@@ -130,7 +133,7 @@ class SmoothedPoint:
         distance = target_z_m - self.z.position_m
         down = distance > 0.0
         acceleration = limits.acceleration_down_m_s2 if down else limits.acceleration_up_m_s2
-        speed = braking_speed_m_s(abs(distance), limits.gain_xy * acceleration, limits.jerk_m_s3)
+        speed = braking_speed_m_s(abs(distance), acceleration, limits.jerk_m_s3)
         return min(speed, limits.descent_m_s) if down else -min(speed, limits.climb_m_s)
 
     def _advance_z(self, velocity_m_s: float, limits: SmoothingLimits, dt_s: float) -> None:
