@@ -165,6 +165,12 @@ class Commander:
             return
         self._finish(pending, now_ns, accepted=True, result="accepted")
 
+    def armed_seen(self, armed: bool, now_ns: int) -> None:
+        """A heartbeat says armed or not: as good as an acknowledgement that got lost."""
+        pending = self._outstanding.get(ARM_DISARM)
+        if pending is not None and (pending.kind is CommandKind.ARM) is armed:
+            self._finish(pending, now_ns, accepted=True, result="accepted")
+
     def _mode_accepted(self, pending: _Outstanding, now_ns: int) -> CommandKind | None:
         pending.acceptances += 1
         if self.current_mode_seen or pending.acceptances < 2 or not pending.acceptance_counts:

@@ -313,6 +313,7 @@ class Session:
             self._found(now_ns)
         self._status.heartbeat(message, now_ns)
         self._status_touched = True
+        self._commander.armed_seen(self._status.armed, now_ns)
         self._commander.mode_seen(self._status.mode, self._status.intended_mode, now_ns)
 
     def _on_current_mode(self, message: dialect.CurrentMode, now_ns: int) -> None:

@@ -316,6 +316,28 @@ def test_a_command_is_sent_again_with_confirmation_incremented_and_given_up(conn
     assert (result.kind, result.accepted, result.result, result.attempts) == (CommandKind.ARM, False, "timeout", 5)
 
 
+def test_a_heartbeat_that_shows_it_armed_is_as_good_as_the_lost_answer(connected: Any) -> None:
+    connected.session.send_command(command(connected, CommandKind.ARM), connected.now_ns)
+    connected.heartbeat(armed=False)
+    assert connected.received(CommandResult) == []
+    connected.heartbeat(armed=True)
+    assert connected.received(CommandResult)[0].accepted
+
+
+def test_a_late_refusal_of_the_disarm_is_not_that_of_the_forced_one(connected: Any) -> None:
+    connected.heartbeat(armed=True)
+    connected.session.send_command(command(connected, CommandKind.DISARM), connected.now_ns)
+    connected.advance(5)
+    connected.ack(400, result=1)
+    forced = command(connected, CommandKind.FORCE_DISARM, evidence=("on the deck",))
+    connected.session.send_command(forced, connected.now_ns)
+    connected.ack(400, result=1)  # the same refusal, doubled on the way
+    connected.advance(5)
+    connected.ack(400)
+    results = [(r.kind, r.accepted) for r in connected.received(CommandResult)]
+    assert results == [(CommandKind.DISARM, False), (CommandKind.FORCE_DISARM, True)]
+
+
 def test_the_same_command_twice_is_one_command(connected: Any) -> None:
     for _ in range(3):
         connected.session.send_command(command(connected, CommandKind.ARM), connected.now_ns)
