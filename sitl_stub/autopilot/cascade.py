@@ -92,6 +92,7 @@ class Cascade:
             float(p[name]) for name in ("MPC_XY_VEL_MAX", "MPC_Z_VEL_MAX_UP", "MPC_Z_VEL_MAX_DN")
         )
         self._thrust_min, self._thrust_max = float(p["MPC_THR_MIN"]), float(p["MPC_THR_MAX"])
+        self._land_speed = max(float(p["MPC_LAND_SPEED"]), 1e-3)
         self._uses_estimator = bool(p["MPC_USE_HTE"])
         cutoff_hz = float(p["MPC_VELD_LP"])
         self._derivative_time_s = 1.0 / (2.0 * pi * cutoff_hz) if cutoff_hz > 0.0 else 0.0
@@ -239,19 +240,30 @@ class Cascade:
             self._thrust_max,
         )
 
-    def _state(self, estimate: VehicleEstimate) -> Motion:
+    def _state(self, estimate: VehicleEstimate, setpoint: TrajectorySetpoint) -> Motion:
+        """The estimate with NaN where it is invalid.
+
+        When a vertical velocity is asked for and no height, PX4 steers by the derivative of height, which has less bias,
+        blended in up to MPC_LAND_SPEED.
+        """
         x, y, z = estimate.position_ned_m
         if not estimate.has_position:
             x = y = nan
         if not estimate.has_altitude:
             z = nan
-        velocity = estimate.velocity_ned_m_s if estimate.has_velocity else (nan, nan, estimate.velocity_ned_m_s[2])
-        return Motion(x, y, z, *velocity, *self._velocity_derivative)
+        vx, vy, vz = estimate.velocity_ned_m_s
+        if not estimate.has_velocity:
+            vx = vy = nan
+        asked = abs(setpoint.velocity_ned_m_s[2])
+        if setpoint.position_ned_m[2] != setpoint.position_ned_m[2] and asked > 1e-6:
+            weight = min(asked / self._land_speed, 1.0)
+            vz += weight * (estimate.height_rate_ned_m_s - vz)
+        return Motion(x, y, z, vx, vy, vz, *self._velocity_derivative)
 
     def _control_position(
         self, dt_s: float, estimate: VehicleEstimate, setpoint: TrajectorySetpoint, constraints: FlightConstraints
     ) -> None:
-        at = self._state(estimate)
+        at = self._state(estimate, setpoint)
         limits = self._limits(dt_s, constraints)
         sp = Motion(*setpoint.position_ned_m, *setpoint.velocity_ned_m_s, *setpoint.acceleration_ned_m_s2)
         yaw, yaw_rate = setpoint.yaw_rad, setpoint.yaw_rate_rad_s

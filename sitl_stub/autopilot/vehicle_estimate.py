@@ -21,6 +21,8 @@ class VehicleEstimate:
     position_ned_m: Vec3 = _ZERO
     velocity_ned_m_s: Vec3 = _ZERO
     acceleration_ned_m_s2: Vec3 = _ZERO
+    height_rate_ned_m_s: float = 0.0
+    """Derivative of position z: another estimate of the downward speed, with less bias (PX4's z_deriv)."""
     q_ned_frd: Quaternion = (1.0, 0.0, 0.0, 0.0)
     angular_velocity_frd_rad_s: Vec3 = _ZERO
     """Filtered as PX4 filters its gyro (IMU_GYRO_CUTOFF)."""
