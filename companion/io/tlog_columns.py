@@ -10,7 +10,7 @@ Frames of all senders are there; `system` and `component` tell them apart. Colum
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,11 +18,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from companion.io.tlog_scan import STAMP, Integers, Scan, scan
+from companion.io.tlog_scan import STAMP, Integers, Scan, compiled, compiler_pays, scan_compiled, scan_plain
 from companion.mavlink.codec import Definition, full_dialect
 
 Bytes = npt.NDArray[np.uint8]
-_ROWS_AT_ONCE = 65536
+Gather = Callable[[Bytes, Integers, Integers, Bytes], None]
 _NUMPY = {"b": "i1", "B": "u1", "h": "<i2", "H": "<u2", "i": "<i4", "I": "<u4", "q": "<i8", "Q": "<u8"} | {
     "f": "<f4",
     "d": "<f8",
@@ -55,8 +55,9 @@ class MessageColumns:
 class TlogColumns(Mapping[str, MessageColumns]):
     """Message name to columns. `unknown_ids` counts frames of which no dialect knows the layout."""
 
-    def __init__(self, data: bytes) -> None:
-        found = scan(data)
+    def __init__(self, data: bytes, *, use_compiler: bool | None = None) -> None:
+        self._use_compiler = compiler_pays(data) if use_compiler is None else use_compiler
+        found = scan_compiled(data) if self._use_compiler else scan_plain(data)
         self._data = np.frombuffer(data, np.uint8)
         self.frames = len(found.starts)
         self.bytes_skipped = found.bytes_skipped
@@ -73,7 +74,10 @@ class TlogColumns(Mapping[str, MessageColumns]):
     def __getitem__(self, name: str) -> MessageColumns:
         if name not in self._made:
             definition = self._definitions[name]
-            self._made[name] = _columns(self._data, definition, self._starts_by_id[definition.message_id])
+            starts = self._starts_by_id[definition.message_id]
+            self._made[name] = _columns(
+                self._data, definition, starts, _gather() if self._use_compiler else numpy_gather
+            )
         return self._made[name]
 
     def __iter__(self) -> Iterator[str]:
@@ -90,45 +94,58 @@ class TlogColumns(Mapping[str, MessageColumns]):
 
 def _grouped(found: Scan) -> dict[int, Integers]:
     """Frame starts by message id, each in the order of the file."""
-    order = np.argsort(found.message_ids, kind="stable")
+    narrow = found.message_ids.astype(np.uint16) if found.message_ids.max(initial=0) < 65536 else found.message_ids
+    order = np.argsort(narrow, kind="stable")
     ids, first = np.unique(found.message_ids[order], return_index=True)
     return dict(zip(ids.tolist(), np.split(found.starts[order], first[1:]), strict=True)) if len(ids) else {}
 
 
-def _columns(data: Bytes, definition: Definition, starts: Integers) -> MessageColumns:
+def _columns(data: Bytes, definition: Definition, starts: Integers, fill: Gather) -> MessageColumns:
     is_v2 = data[starts] == 0xFD
     sender = starts + np.where(is_v2, 4, 2)
+    dtype = record_type(definition)
+    payloads = starts + np.where(is_v2, 10, 6)
+    stamps = _rows(data, starts - STAMP, np.full(len(starts), STAMP), STAMP, fill)
     return MessageColumns(
         name=definition.name,
         message_id=definition.message_id,
-        t_us=_rows(data, starts - STAMP, STAMP).view(">u8").ravel().astype(np.int64),
+        t_us=stamps.view(">u8").ravel().astype(np.int64),
         system=data[sender + 1],
         component=data[sender + 2],
         sequence=data[sender],
-        values=_payloads(data, definition, starts, is_v2),
+        values=_rows(data, payloads, data[starts + 1].astype(np.int64), dtype.itemsize, fill).view(dtype).ravel(),
     )
 
 
-def _payloads(data: Bytes, definition: Definition, starts: Integers, is_v2: npt.NDArray[np.bool_]) -> npt.NDArray[Any]:
-    """Structured rows; bytes that were left away at a payload's end are zero, as MAVLink 2 means it."""
-    dtype = record_type(definition)
-    rows = _rows(data, starts + np.where(is_v2, 10, 6), dtype.itemsize)
-    lengths = data[starts + 1]
-    short = np.flatnonzero(lengths < dtype.itemsize)
-    if len(short):
-        rows[short] *= np.arange(dtype.itemsize) < lengths[short, None]
-    return rows.view(dtype).ravel()
+def _rows(data: Bytes, starts: Integers, lengths: Integers, width: int, fill: Gather) -> Bytes:
+    """(n, width): `lengths` bytes from each start, zeros behind them."""
+    rows = np.zeros((len(starts), width), np.uint8)
+    fill(data, starts, lengths, rows)
+    return rows
 
 
-def _rows(data: Bytes, starts: Integers, width: int) -> Bytes:
-    """`width` bytes from each start, as (n, width); zeros behind the end of the file."""
+@functools.cache
+def _gather() -> Gather:
+    return compiled(gather)
+
+
+def gather(data: Bytes, starts: Integers, lengths: Integers, rows: Bytes) -> None:
+    """Copy byte by byte: for the compiler."""
+    width = rows.shape[1]
+    for n in range(len(starts)):
+        start = starts[n]
+        for i in range(min(lengths[n], width)):
+            rows[n, i] = data[start + i]
+
+
+def numpy_gather(data: Bytes, starts: Integers, lengths: Integers, rows: Bytes) -> None:
+    width = rows.shape[1]
     if len(starts) and starts[-1] + width > len(data):
         data = np.concatenate([data, np.zeros(width, np.uint8)])
     windows = np.lib.stride_tricks.sliding_window_view(data, width)
-    rows = np.empty((len(starts), width), np.uint8)
-    for first in range(0, len(starts), _ROWS_AT_ONCE):
-        rows[first : first + _ROWS_AT_ONCE] = windows[starts[first : first + _ROWS_AT_ONCE]]
-    return rows
+    rows[:] = windows[starts]
+    short = np.flatnonzero(lengths < width)
+    rows[short] *= np.arange(width) < lengths[short, None]
 
 
 @functools.cache

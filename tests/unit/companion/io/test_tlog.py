@@ -12,7 +12,7 @@ from pymavlink import mavutil
 from pymavlink.dialects.v20 import development as mav
 
 from companion.io.tlog import TlogWriter, read_frames
-from companion.io.tlog_columns import TlogColumns
+from companion.io.tlog_columns import TlogColumns, gather, numpy_gather
 from companion.io.tlog_scan import scan_compiled, scan_plain
 from companion.mavlink import codec, dialect
 
@@ -144,6 +144,17 @@ def test_both_walks_find_the_same_frames_in_damaged_logs(tmp_path: Path, seed: i
     assert len(plain.starts) >= 20
 
 
+def test_both_ways_of_gathering_payloads_agree_at_the_ends_of_a_file() -> None:
+    data = np.arange(1, 41, dtype=np.uint8)
+    starts, lengths = np.array([0, 7, 38]), np.array([3, 12, 2])
+    compiled_rows, numpy_rows = np.zeros((3, 8), np.uint8), np.zeros((3, 8), np.uint8)
+    gather(data, starts, lengths, compiled_rows)
+    numpy_gather(data, starts, lengths, numpy_rows)
+    np.testing.assert_array_equal(compiled_rows, numpy_rows)
+    np.testing.assert_array_equal(numpy_rows[:, 0], [1, 8, 39])
+    np.testing.assert_array_equal(numpy_rows[0], [1, 2, 3, 0, 0, 0, 0, 0])
+
+
 def test_noise_is_no_log() -> None:
     noise = np.random.default_rng(3).bytes(200_000)
     found = scan_plain(noise)
@@ -159,9 +170,11 @@ def equal(ours: Any, theirs: Any) -> bool:
     return bool(ours == theirs) or (isinstance(theirs, float) and math.isnan(theirs) and math.isnan(ours))
 
 
-def test_recorded_px4_messages_agree_with_mavutil_one_by_one() -> None:
+@pytest.mark.parametrize("use_compiler", [False, True])
+def test_recorded_px4_messages_agree_with_mavutil_one_by_one(use_compiler: bool) -> None:
     path = Path(__file__).parents[3] / "data" / "px4" / "takeoff_land.tlog"
-    log, seen = TlogColumns.read(path), dict.fromkeys(TlogColumns.read(path), 0)
+    log = TlogColumns(path.read_bytes(), use_compiler=use_compiler)
+    seen = dict.fromkeys(log, 0)
     reader, compared = mavutil.mavlink_connection(str(path)), 0
     while (message := reader.recv_msg()) is not None:
         name = message.get_type()
