@@ -12,7 +12,7 @@ gravity, for Multirotor.step.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from sitl_stub.carriers.deck import DeckState
 
@@ -25,7 +25,7 @@ _TANGENTIAL_RATIO = 0.8
 _CRUSH_LIMIT_M = 0.5
 _LARGEST_DAMPING_RATIO = 1.5
 
-GROUND, DECK = "ground", "deck"
+_ABOVE = (0.0, 0.0, -1.0)
 _TOP, _FRONT, _BACK, _RIGHT, _LEFT = range(5)
 # Outward normals of the box's faces in D.
 _NORMALS: tuple[Vec3, ...] = (
@@ -90,7 +90,7 @@ class _Point:
     on_ground: bool = False
     anchor_north_m: float = 0.0
     anchor_east_m: float = 0.0
-    last_d_m: Vec3 = field(default=(0.0, 0.0, -1.0))
+    last_d_m: Vec3 = _ABOVE
 
 
 class Contact:
@@ -106,7 +106,6 @@ class Contact:
         surface: Surface,
     ) -> None:
         self._points = [_Point(p, True) for p in feet_frd_m] + [_Point(p, False) for p in frame_frd_m]
-        self._feet = len(feet_frd_m)
         self._stiffness = mass_kg * _STIFFNESS_1_S2
         self._damping = foot_damping(mass_kg, len(feet_frd_m), self._stiffness, surface.restitution)
         self._shape = deck
@@ -118,11 +117,14 @@ class Contact:
 
     def clearance_m(self, position_ned_m: Vec3, deck: DeckState) -> float:
         """No point of the vehicle is nearer than this to the ground or the deck, however it is turned; <= 0: it may touch."""
-        x, y, z = position_ned_m
+        z = position_ned_m[2]
+        above = deck.position_ned_m[2] - self._deck_radius_m * _steepness(deck) - z
+        return min(-z, max(self._aside_m(position_ned_m, deck), above)) - self._reach_m
+
+    def _aside_m(self, position_ned_m: Vec3, deck: DeckState) -> float:
+        """Horizontal distance to the circle around the deck's corners."""
         o = deck.position_ned_m
-        aside = math.hypot(x - o[0], y - o[1]) - self._deck_radius_m
-        above = o[2] - self._deck_radius_m * _steepness(deck) - z
-        return min(-z, max(aside, above)) - self._reach_m
+        return math.hypot(position_ned_m[0] - o[0], position_ned_m[1] - o[1]) - self._deck_radius_m
 
     def release(self) -> None:
         """Nothing is near: forget all anchors."""
@@ -131,7 +133,9 @@ class Contact:
             self._let_go(point)
 
     def _let_go(self, point: _Point) -> None:
-        point.face, point.on_ground, point.last_d_m = -1, False, (0.0, 0.0, -1.0)
+        if point.face >= 0 or point.on_ground:
+            point.face, point.on_ground = -1, False
+        point.last_d_m = _ABOVE
 
     def step(
         self,
@@ -146,8 +150,9 @@ class Contact:
         wx, wy, wz = _rotated(r, rates_frd_rad_s)
         px, py, pz = position_ned_m
         vx, vy, vz = velocity_ned_m_s
+        deck_is_near = self._aside_m(position_ned_m, deck) < self._reach_m
         # Above this nothing can touch: the common case while the vehicle stands, for all but the feet.
-        ceiling = min(deck.position_ned_m[2] - self._deck_radius_m * _steepness(deck), 0.0)
+        ceiling = min(deck.position_ned_m[2] - self._deck_radius_m * _steepness(deck), 0.0) if deck_is_near else 0.0
         state = ContactState()
         fx = fy = fz = tx = ty = tz = 0.0
         for point in self._points:
@@ -157,12 +162,14 @@ class Contact:
                 self._let_go(point)
                 continue
             v = (vx + wy * az - wz * ay, vy + wz * ax - wx * az, vz + wx * ay - wy * ax)
-            force = self._on_point(point, p, v, deck, state)
-            if force is None:
-                continue
-            gx, gy, gz = force
-            fx, fy, fz = fx + gx, fy + gy, fz + gz
-            tx, ty, tz = tx + ay * gz - az * gy, ty + az * gx - ax * gz, tz + ax * gy - ay * gx
+            for force in (
+                self._on_deck(point, p, v, deck, state) if deck_is_near else None,
+                self._on_ground(point, p, v, state),
+            ):
+                if force is not None:
+                    gx, gy, gz = force
+                    fx, fy, fz = fx + gx, fy + gy, fz + gz
+                    tx, ty, tz = tx + ay * gz - az * gy, ty + az * gx - ax * gz, tz + ax * gy - ay * gx
         state.force_ned_n = (fx, fy, fz)
         state.torque_frd_nm = (
             r[0] * tx + r[3] * ty + r[6] * tz,
@@ -171,13 +178,6 @@ class Contact:
         )
         self.state = state
         return state
-
-    def _on_point(self, point: _Point, p: Vec3, v: Vec3, deck: DeckState, state: ContactState) -> Vec3 | None:
-        on_deck = self._on_deck(point, p, v, deck, state)
-        on_ground = self._on_ground(point, p, v, state)
-        if on_deck is None or on_ground is None:
-            return on_deck or on_ground
-        return (on_deck[0] + on_ground[0], on_deck[1] + on_ground[1], on_deck[2] + on_ground[2])
 
     def _on_ground(self, point: _Point, p: Vec3, v: Vec3, state: ContactState) -> Vec3 | None:
         if point.is_foot and -p[2] < state.gap_m:
