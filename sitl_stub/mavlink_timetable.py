@@ -100,8 +100,6 @@ LEAST_INTERVAL_US: dict[MessageType, int] = {
     mav.HIGHRES_IMU: 8_000,
     mav.GPS_RAW_INT: 125_000,
     mav.DISTANCE_SENSOR: 20_000,
-    mav.BATTERY_STATUS: 100_000,
-    mav.HOME_POSITION: 500_000,
 }
 PHYSICS_STEP_US = 4_000
 

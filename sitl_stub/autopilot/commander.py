@@ -55,7 +55,7 @@ class Commander:
         self._t_us = 0
         self._next_health_us = 0
         self._next_report_us = 0
-        self._reported: tuple[NavState, Health] | None = None
+        self._reported: tuple[NavState, Health, bool, bool] | None = None
         self._announced = FailsafeState()
         self.armed = False
         self.armed_since_us = 0
@@ -66,6 +66,7 @@ class Commander:
         self.killed = False
         self._killed_since_us = 0
         self._has_flown = False
+        self._had_offboard = False
         self._landed_since_us: int | None = None
         self.takeoff_altitude_amsl_m: float | None = None
         self.mode_changes = 0
@@ -98,7 +99,7 @@ class Commander:
     def base_mode(self) -> int:
         """HEARTBEAT.base_mode."""
         flags = MODES[self.nav_state].base_flags
-        if self.nav_state is NavState.OFFBOARD and not self.armed and not self._health.has_offboard:
+        if self.nav_state is NavState.OFFBOARD and not self.armed and not self._had_offboard:
             flags = MAV_MODE_CUSTOM
         return flags | (MAV_MODE_ARMED if self.armed else 0)
 
@@ -120,11 +121,12 @@ class Commander:
 
     def _arm_disarm(self, command: Command) -> Result | None:
         wish = command.parameters[0]
-        if not isfinite(wish) or round(wish) not in (0, 1):
+        # Recorded: 0.7 is taken as 0, a disarm; the fraction is cut off, not rounded.
+        if not isfinite(wish) or int(wish) not in (0, 1):
             self._tell(events.unsupported_arm_parameter(wish))
             return None
         forced = round(command.parameters[1]) == FORCE_MAGIC if isfinite(command.parameters[1]) else False
-        return self._arm() if round(wish) == 1 else self._disarm_by_command(forced)
+        return self._arm() if int(wish) == 1 else self._disarm_by_command(forced)
 
     def _arm(self) -> Result:
         if self.armed:
@@ -219,7 +221,6 @@ class Commander:
         self.terminated = True
         self.user_mode = NavState.TERMINATION
         self.nav_state = NavState.TERMINATION
-        self._tell(events.flight_termination_active())
 
     def _accept(self, command: Command) -> Result:
         return Result.ACCEPTED
@@ -240,6 +241,7 @@ class Commander:
         if now.t_us >= self._next_health_us or self._changes_at_once(now.health):
             self._next_health_us = now.t_us + HEALTH_PERIOD_US
             self._health = now.health
+            self._had_offboard |= now.health.has_offboard
         self._note_landing(now)
         self._kill(now)
         if self.armed:
@@ -327,7 +329,7 @@ class Commander:
             self._tell(events.failsafe(custom_mode, state.action))
 
     def _report(self, t_us: int) -> None:
-        present = (self.nav_state, self._health)
+        present = (self.nav_state, self._health, self.armed, self._landed)
         if present == self._reported or t_us < self._next_report_us:
             return
         self._reported = present

@@ -196,9 +196,7 @@ class Rig:
 
     def messages(self, kind: str, link: str | None = None, since_s: float = 0.0) -> list[Any]:
         return [
-            s.message
-            for s in self.seen
-            if s.message.get_type() == kind and s.t_s >= since_s and link in (None, s.link)
+            s.message for s in self.seen if s.message.get_type() == kind and s.t_s >= since_s and link in (None, s.link)
         ]
 
     def acks(self, since_s: float = 0.0) -> list[tuple[int, int]]:
