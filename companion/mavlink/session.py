@@ -29,7 +29,7 @@ from companion.mavlink.geodesy import GeoOrigin
 from companion.mavlink.parameters import ParameterReader
 from companion.mavlink.signing import Signing
 from companion.mavlink.status import StatusTracker, same_but_for_age
-from companion.mavlink.texts import TextAssembler, event_text
+from companion.mavlink.texts import EventReader, TextAssembler
 from companion.mavlink.timesync import ClockQuality
 from companion.mavlink.vehicle import VehicleReader, acceleration_report, range_measurement, thrust_report
 from companion.messages import CommandKind, SensorInput, VehicleCommand, VehicleStatus, VelocitySetpoint
@@ -82,6 +82,7 @@ class Session:
         self.parameters = ParameterReader(**target, timeout_ns=PARAMETER_TIMEOUT_NS, attempts=link.command_attempts)
         self._status = StatusTracker()
         self._texts = TextAssembler()
+        self._events = EventReader()
         self._vehicle = VehicleReader()
         self._beacon = BeaconReader(position_sigma_m=link.beacon_sigma_m)
         self._origin: GeoOrigin | None = None
@@ -280,7 +281,7 @@ class Session:
             dialect.Ping: self._on_ping,
             dialect.ParamValue: lambda m, _: self.parameters.received(m),
             dialect.Statustext: lambda m, now_ns: self._put(self._texts.statustext(m, now_ns)),
-            dialect.Event: lambda m, now_ns: self._put(event_text(m, now_ns)),
+            dialect.Event: lambda m, now_ns: self._put(self._events.event(m, now_ns)),
         }
 
     def _beacon_handlers(self) -> Handlers:
@@ -314,7 +315,8 @@ class Session:
         self._status.heartbeat(message, now_ns)
         self._status_touched = True
         self._commander.armed_seen(self._status.armed, now_ns)
-        self._commander.mode_seen(self._status.mode, self._status.intended_mode, now_ns)
+        if not self._commander.current_mode_seen:
+            self._commander.mode_seen(self._status.mode, None, now_ns)
 
     def _on_current_mode(self, message: dialect.CurrentMode, now_ns: int) -> None:
         self._commander.current_mode_seen = True

@@ -47,7 +47,10 @@ class StatusTracker:
 
     def heartbeat(self, message: Heartbeat, now_ns: int) -> None:
         self.mode_heard_ns = now_ns
-        self.mode = mode_from_custom(message.custom_mode)
+        mode = mode_from_custom(message.custom_mode)
+        if mode is not self.mode:
+            self.intended_mode = None  # what was intended before says nothing about this mode
+        self.mode = mode
         self.system_status = message.system_status
         if now_ns >= self._armed_held_until_ns:
             self.armed = bool(message.base_mode & ARMED_FLAG)

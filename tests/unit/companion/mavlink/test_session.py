@@ -265,6 +265,15 @@ def test_an_armed_vehicle_in_another_mode_than_intended_is_in_failsafe(connected
     assert not status.failsafe
 
 
+def test_a_heartbeat_that_overtakes_current_mode_is_no_failsafe(connected: Any) -> None:
+    connected.heartbeat(HOLD, armed=True, status=4)
+    connected.current_mode(HOLD)
+    (status,) = connected.heartbeat(OFFBOARD, armed=True, status=4)
+    assert (status.mode, status.intended_mode, status.failsafe) == (AutopilotMode.OFFBOARD, None, False)
+    (status,) = connected.current_mode(OFFBOARD)
+    assert (status.intended_mode, status.failsafe) == (AutopilotMode.OFFBOARD, False)
+
+
 def test_critical_heartbeat_is_failsafe(connected: Any) -> None:
     (status,) = connected.heartbeat(RETURN, armed=True, status=5)
     assert status.failsafe
