@@ -200,6 +200,29 @@ def position_target_local_ned(t: Telemetry) -> bytes:
     return mav.POSITION_TARGET_LOCAL_NED.struct.pack(t.boot_ms, *values, yaw, yaw_rate, mask, 1)
 
 
+@_streams(mav.POSITION_TARGET_GLOBAL_INT)
+def position_target_global_int(t: Telemetry) -> bytes | None:
+    """Only while an automatic mode has a target."""
+    sp = t.position_setpoint
+    if not t.has_target or not isfinite(sp.position_ned_m[0] + sp.position_ned_m[2]):
+        return None
+    latitude, longitude = t.origin.to_global(sp.position_ned_m[0], sp.position_ned_m[1])
+    altitude = t.origin.altitude_m - sp.position_ned_m[2]
+    yaw = sp.yaw_rad if isfinite(sp.yaw_rad) else 0.0
+    return mav.POSITION_TARGET_GLOBAL_INT.struct.pack(
+        t.boot_ms,
+        round(latitude * 1e7),
+        round(longitude * 1e7),
+        altitude,
+        *sp.velocity_ned_m_s,
+        *sp.acceleration_ned_m_s2,
+        yaw,
+        sp.yaw_rate_rad_s,
+        0,
+        5,
+    )
+
+
 @_streams(mav.HIGHRES_IMU)
 def highres_imu(t: Telemetry) -> bytes | None:
     if t.truth is None:

@@ -44,6 +44,7 @@ class Telemetry:
     range_m: float | None = None
     has_range_sensor: bool = False
     has_gps: bool = True
+    has_target: bool = False
     estimate_resets: int = 0
     event_sequence: int = 0
 

@@ -491,6 +491,7 @@ class Autopilot:
         t.rates_setpoint = cascade.rates_setpoint_frd_rad_s
         t.thrust = cascade.thrust_setpoint
         t.position_setpoint = cascade.position_setpoint
+        t.has_target = self._target is not None and self._target.kind is not TargetKind.IDLE
         t.has_gps = self.estimator.gnss_available
         t.estimate_resets = sum(self._resets_seen) + self.estimator.estimate.yaw_resets
 

@@ -183,6 +183,8 @@ class Commander:
 
     def _set_user_mode(self, wanted: NavState) -> None:
         self.user_mode = wanted
+        if not self.armed:
+            self.nav_state = wanted
         self.mode_changes += 1
         self._failsafe.override()
         if wanted is not NavState.AUTO_TAKEOFF and not prevents_arming(wanted, self._health):

@@ -166,6 +166,13 @@ POSITION_TARGET_LOCAL_NED = _define(
     "IfffffffffffHB",
     "time_boot_ms x y z vx vy vz afx afy afz yaw yaw_rate type_mask coordinate_frame",
 )
+POSITION_TARGET_GLOBAL_INT = _define(
+    "POSITION_TARGET_GLOBAL_INT",
+    87,
+    150,
+    "IiifffffffffHB",
+    "time_boot_ms lat_int lon_int alt vx vy vz afx afy afz yaw yaw_rate type_mask coordinate_frame",
+)
 HIL_STATE_QUATERNION = _define(
     "HIL_STATE_QUATERNION",
     115,

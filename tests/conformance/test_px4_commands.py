@@ -15,9 +15,8 @@ from math import nan
 from pathlib import Path
 
 import pytest
-from pymavlink.dialects.v20 import development as mavlink
-
 from px4_rig import LOITER, OFFBOARD, VELOCITY_MASK, Rig
+from pymavlink.dialects.v20 import development as mavlink
 
 RECORDED = Path(__file__).resolve().parents[1] / "data" / "px4" / "commands.csv"
 RESULTS = {"ACCEPTED": 0, "TEMPORARILY_REJECTED": 1, "DENIED": 2, "UNSUPPORTED": 3, "FAILED": 4}
