@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from companion.estimation import bank, heading
+from companion.estimation import bank
 from companion.estimation.gate import NS
 from companion.estimation.motion import SHARED, VX, VY, X, Y
 from companion.estimation.vertical import VerticalView
@@ -47,11 +47,18 @@ def estimate_of(track: BankTrack, name: str) -> PadEstimate:
 
 
 def _yaw(track: BankTrack, vx: float, vy: float, turn: float) -> tuple[float, float]:
-    """Measured yaw where there is one, else the direction of travel."""
-    if track.yaw is not None:
-        x = track.yaw[0]
-        return wrap_pi(x[heading.YAW]), x[heading.RATE]
-    return (math.atan2(vy, vx) if math.hypot(vx, vy) > MOVING_M_S else 0.0), turn
+    """Measured yaw where there is one, else the direction of travel. Models that turn know the yaw better than the heading
+    filter, in proportion to their probability."""
+    if track.yaw is None:
+        return (math.atan2(vy, vx) if math.hypot(vx, vy) > MOVING_M_S else 0.0), turn
+    yaw, rate = track.yaw[0]
+    correction = rate_correction = 0.0
+    for member in track.members:
+        yaw_index, turn_index = member.model.yaw_index, member.model.turn_index
+        if yaw_index is not None and turn_index is not None:
+            correction += member.probability * wrap_pi(member.x[yaw_index] - yaw)
+            rate_correction += member.probability * (member.x[turn_index] - rate)
+    return wrap_pi(yaw + correction), rate + rate_correction
 
 
 def _covariance(P: list[float], deck: VerticalView, systematic_m2: float) -> tuple[tuple[float, ...], ...]:

@@ -16,7 +16,7 @@ Units are those of the component (m or rad). Pure but for the small state; calle
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 NS = 1_000_000_000
@@ -26,8 +26,8 @@ AGREEING = 5
 """Rejected measurements in a row that agree with each other before they may count as the truth."""
 PLAUSIBLE_ACCELERATION = 4.0
 """m/s^2 (or rad/s^2): a pad may gain half of this times dt^2 between two sights without it being a jump."""
-LOCKED_SIGMA = 0.1
-LOCKED_GROWTH_PER_S = 0.03
+LOCKED_SIGMA = 0.08
+LOCKED_GROWTH_PER_S = 0.02
 """While an axis is locked its gate widens slowly: the state coasts on what was known before the jump."""
 
 
@@ -39,19 +39,19 @@ class Decision(Enum):
 
 @dataclass(slots=True)
 class AxisGate:
-    """State of one gate. `jump` is the innovation that locked it, None while open."""
+    """State of one gate. `jump` is the innovation that locked it, None while open; `returned` says that the measured values
+    have since jumped back towards the state."""
 
     confirmed_s: float = 0.0
     last_ns: int | None = None
     last_y: float = 0.0
     rejected_since_ns: int | None = None
     jump: float | None = None
+    returned: bool = False
     agreeing: int = 0
 
     def copied(self) -> AxisGate:
-        return AxisGate(
-            self.confirmed_s, self.last_ns, self.last_y, self.rejected_since_ns, self.jump, self.agreeing
-        )  # fmt: skip
+        return replace(self)
 
 
 def judge(
@@ -70,7 +70,9 @@ def judge(
         gate.jump = y if jumped else None
     else:
         gate.agreeing = gate.agreeing + 1 if agrees else 1
-    return _reacquire(gate) if _is_convincing(gate, t_ns, y, both_axes=both_axes) else Decision.REJECT
+        if jumped and gate.jump is not None:
+            gate.returned = abs(y) < 0.7 * abs(gate.jump)
+    return _reacquire(gate) if _is_convincing(gate, t_ns, both_axes=both_axes) else Decision.REJECT
 
 
 def _is_jump(change: float, dt_s: float, S: float, R: float, limit: float) -> bool:
@@ -84,11 +86,11 @@ def _locked_variance(gate: AxisGate, t_ns: int, S: float, R: float) -> float:
     return min(S, R + sigma * sigma)
 
 
-def _is_convincing(gate: AxisGate, t_ns: int, y: float, *, both_axes: bool) -> bool:
+def _is_convincing(gate: AxisGate, t_ns: int, *, both_axes: bool) -> bool:
     """Has the rejected value lasted long enough, in agreement with itself, to be believed?"""
     if gate.agreeing < AGREEING:
         return False
-    if gate.jump is None or abs(y) < 0.7 * abs(gate.jump):
+    if gate.jump is None or gate.returned:
         return True
     patience_s = min(BOTH_AXES_PATIENCE_S if both_axes else JUMP_PATIENCE_S, gate.confirmed_s)
     return gate.rejected_since_ns is not None and (t_ns - gate.rejected_since_ns) / NS >= patience_s
@@ -96,11 +98,15 @@ def _is_convincing(gate: AxisGate, t_ns: int, y: float, *, both_axes: bool) -> b
 
 def _accept(gate: AxisGate, dt_s: float) -> Decision:
     gate.confirmed_s = min(JUMP_PATIENCE_S, gate.confirmed_s + min(dt_s, 0.5))
-    gate.rejected_since_ns, gate.jump, gate.agreeing = None, None, 0
+    _open(gate)
     return Decision.ACCEPT
 
 
 def _reacquire(gate: AxisGate) -> Decision:
     gate.confirmed_s = 0.0
-    gate.rejected_since_ns, gate.jump, gate.agreeing = None, None, 0
+    _open(gate)
     return Decision.REACQUIRE
+
+
+def _open(gate: AxisGate) -> None:
+    gate.rejected_since_ns, gate.jump, gate.returned, gate.agreeing = None, None, False, 0

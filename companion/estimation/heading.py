@@ -17,8 +17,8 @@ YAW, RATE = range(2)
 class SteadyHeading:
     """Settings of the yaw filter."""
 
-    rate_sigma_rad_s: float = 0.4
-    rate_time_s: float = 2.0
+    rate_sigma_rad_s: float = 0.6
+    rate_time_s: float = 8.0
 
     def start(self, yaw_rad: float, variance: float) -> tuple[list[float], list[float]]:
         return [yaw_rad, 0.0], [variance, 0.0, 0.0, self.rate_sigma_rad_s**2]

@@ -1,0 +1,142 @@
+"""The whole of estimation as the pipeline uses it: messages in, the pad in W out."""
+
+import math
+
+import pytest
+
+from companion.config import Camera, Estimation, Pad
+from companion.estimation import PadTracker, make_tracker
+from companion.geometry import quaternion_from_euler
+from companion.messages import (
+    ObservationSource,
+    PadBeacon,
+    PadBearing,
+    PadObservation,
+    RangeMeasurement,
+    Vec3,
+    VehicleState,
+)
+
+NOISE = ((1e-4, 0.0, 0.0), (0.0, 1e-4, 0.0), (0.0, 0.0, 1e-4))
+PAD_DOWN_M = -0.5
+
+
+def tracker() -> PadTracker:
+    return make_tracker(Estimation(), Pad(), {"down": Camera(position_frd_m=(0.0, 0.0, 0.0))})
+
+
+def vehicle(t_s: float, *, offset: Vec3 = (0.0, 0.0, 0.0), error: float = 0.0, resets: int = 0) -> VehicleState:
+    """Flies north at 1 m/s, 5 m up, level, nose north; `offset` and `error` are what its estimate is off."""
+    position = (t_s + offset[0], offset[1], -5.0 + offset[2])
+    q = quaternion_from_euler(0.0, 0.0, 0.0)
+    return VehicleState(round(t_s * 1e9), position, (1.0 + error, 0.0, 0.0), q, (0.0, 0.0, 0.0), resets)
+
+
+def sight(t_s: float) -> PadObservation:
+    """The pad drives 1 m ahead of the vehicle: 1 m towards the image's top, 4.5 m below."""
+    return PadObservation(round(t_s * 1e9), "down", "test", (0.0, -1.0, 4.5), NOISE)
+
+
+def flown(seconds: float, **errors: float) -> PadTracker:
+    result = tracker()
+    for k in range(round(seconds * 50)):
+        result.add_vehicle_state(vehicle(0.02 * k, **errors))
+        if k % 2 and k > 3:
+            result.observe(sight(0.02 * (k - 2)))
+    return result
+
+
+def relative(result: PadTracker) -> Vec3:
+    latest = result.history.latest
+    assert latest is not None
+    estimate = result.estimate(latest.t_ns)
+    assert estimate is not None
+    p, v = estimate.position_ned_m, latest.position_ned_m
+    return (p[0] - v[0], p[1] - v[1], p[2] - v[2])
+
+
+def test_the_pad_is_where_the_camera_saw_it() -> None:
+    assert relative(flown(2.0)) == pytest.approx((1.0, 0.0, 4.5), abs=0.01)
+
+
+def test_a_position_correction_of_the_autopilot_does_not_move_the_pad_relative_to_the_vehicle() -> None:
+    result = flown(2.0)
+    result.add_vehicle_state(vehicle(2.0, offset=(3.0, -2.0, 1.0)))
+    assert relative(result) == pytest.approx((1.0, 0.0, 4.5), abs=0.01)
+
+
+def test_a_reset_of_the_autopilot_moves_neither_place_nor_closing_speed() -> None:
+    result = flown(2.0)
+    reset = result.add_vehicle_state(vehicle(2.0, offset=(5.0, 0.0, 0.0), error=0.5, resets=1))
+    assert reset is not None
+    assert relative(result) == pytest.approx((1.0, 0.0, 4.5), abs=0.02)
+    estimate = result.estimate(round(2.0e9))
+    assert estimate is not None
+    assert estimate.velocity_ned_m_s[0] == pytest.approx(1.5, abs=0.02)
+
+
+def test_a_velocity_error_of_the_autopilot_is_in_the_pads_velocity_too_and_cancels() -> None:
+    estimate = flown(4.0, error=0.3).estimate(round(4.0e9))
+    assert estimate is not None
+    assert estimate.velocity_ned_m_s[0] == pytest.approx(1.3, abs=0.05)
+
+
+def test_what_was_seen_before_the_first_vehicle_state_is_refused() -> None:
+    verdict = tracker().observe(sight(0.0))
+    assert verdict is not None
+    assert (verdict.accepted, verdict.reason) == (False, "no vehicle state at that time")
+
+
+def test_an_unknown_camera_is_refused_by_name() -> None:
+    result = flown(1.0)
+    verdict = result.observe(PadBearing(round(0.9e9), "side", "test", (0.0, 0.0, 1.0), 0.01))
+    assert verdict is not None
+    assert verdict.reason == "unknown camera"
+
+
+def range_reading(t_s: float, distance_m: float | None) -> RangeMeasurement:
+    return RangeMeasurement(round(t_s * 1e9), distance_m, 0.1, 40.0)
+
+
+def test_range_over_the_ground_beside_the_pad_is_not_taken_for_the_deck() -> None:
+    assert flown(2.0).observe(range_reading(1.96, 5.0)) is None
+
+
+def test_range_over_the_deck_is_fused() -> None:
+    result = tracker()
+    for k in range(100):
+        result.add_vehicle_state(vehicle(0.02 * k))
+        if k % 2 and k > 3:
+            t_ns = round(0.02 * (k - 2) * 1e9)
+            result.observe(PadObservation(t_ns, "down", "test", (0.0, 0.0, 4.5), NOISE))
+    verdict = result.observe(range_reading(1.97, 4.5))
+    assert verdict is not None
+    assert (verdict.source, verdict.accepted) == (ObservationSource.RANGE, True)
+    assert result.observe(range_reading(1.97, None)) is None
+
+
+def test_a_bearing_alone_keeps_the_track() -> None:
+    result = flown(2.0)
+    length = math.hypot(1.0, 4.5)
+    for k in range(100, 150):
+        result.add_vehicle_state(vehicle(0.02 * k))
+        direction = (0.0, -1.0 / length, 4.5 / length)
+        verdict = result.observe(PadBearing(round(0.02 * k * 1e9), "down", "test", direction, 0.005))
+        assert verdict is not None
+        assert verdict.accepted
+    assert relative(result) == pytest.approx((1.0, 0.0, 4.5), abs=0.1)
+
+
+def test_a_beacon_alone_gives_a_pad_with_its_own_uncertainty() -> None:
+    result = tracker()
+    for k in range(50):
+        result.add_vehicle_state(vehicle(0.02 * k))
+    report = PadBeacon(round(0.9e9), "gps", (30.0, 5.0, PAD_DOWN_M), (1.0, 0.0, 0.0), 0.0, 1.5)
+    verdict = result.observe(report)
+    assert verdict is not None
+    assert verdict.accepted
+    estimate = result.estimate(round(1.0e9))
+    assert estimate is not None
+    assert estimate.position_ned_m[:2] == pytest.approx((30.1, 5.0), abs=0.01)
+    assert 1.4 < estimate.position_sigma_m < 1.8
+    assert (estimate.vision_age_s, estimate.beacon_age_s) == (None, pytest.approx(0.1))

@@ -1,0 +1,54 @@
+"""The non-holonomic EKF: direction and speed from positions alone."""
+
+import math
+
+import pytest
+from pads import circle, error_m, figure_8, frames, line, ns, sights, still
+
+from companion.config import Estimation
+from companion.estimation import ESTIMATORS
+from companion.estimation.compiled import room
+from companion.estimation.unicycle import predict_unicycle, update_position
+
+
+def plain(kernel):
+    return getattr(kernel, "py_func", kernel)
+
+
+def test_prediction_drives_along_the_heading() -> None:
+    x, P = [1.0, 2.0, 3.0, math.pi / 2, 2.0], [0.0] * 25
+    plain(predict_unicycle)(x, P, [0.0] * 4, [0.0] * 25, 0.5, 0.0, 0.0, 0.0, 0.0)
+    assert x == pytest.approx([1.0, 3.0, 3.0, math.pi / 2, 2.0])
+
+
+def test_compiled_and_plain_kernels_agree_to_the_last_digits() -> None:
+    args = (0.04, 1e-4, 1e-3, 0.05, 0.2)
+    x, P = [0.1, 0.2, 0.3, 0.4, 3.0], [0.3 * (i % 6 == 0) + 0.01 for i in range(25)]
+    X, Q = room(x[:]), room(P[:])
+    for _ in range(50):
+        plain(predict_unicycle)(x, P, [0.0] * 4, [0.0] * 25, *args)
+        plain(update_position)(x, P, [0.0] * 5, 1.0, 0.5, 0.2, 1e-3, 1e-3, 1e-3)
+        predict_unicycle(X, Q, room([0.0] * 4), room([0.0] * 25), *args)
+        update_position(X, Q, room([0.0] * 5), 1.0, 0.5, 0.2, 1e-3, 1e-3, 1e-3)
+    assert list(X) == pytest.approx(x, rel=1e-12, abs=1e-12)
+    assert list(Q) == pytest.approx(P, rel=1e-10, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    "path", [line(1.2), circle(8.0, 2.0), figure_8(10.0, 5.0, 4.2)], ids=["line", "circle", "figure-8"]
+)
+def test_it_follows_the_paths_of_the_paper(path) -> None:
+    estimator = ESTIMATORS["unicycle"](Estimation())
+    for m in sights(path, frames(0.0, 8.0), seed=1):
+        assert estimator.observe(m).accepted
+    estimate = estimator.estimate(ns(8.0))
+    assert error_m(estimate, path(8.0)) < 0.15
+    assert estimate is not None
+    assert math.hypot(estimate.velocity_ned_m_s[0] - path(8.0).vx, estimate.velocity_ned_m_s[1] - path(8.0).vy) < 0.5
+
+
+def test_a_pad_that_stands_still_is_held_in_place() -> None:
+    estimator = ESTIMATORS["unicycle"](Estimation())
+    for m in sights(still, frames(0.0, 5.0), seed=2):
+        estimator.observe(m)
+    assert error_m(estimator.estimate(ns(5.0)), still(5.0)) < 0.05
