@@ -64,6 +64,8 @@ class Rig:
         self.raw: list[tuple[int, str, bytes]] = []
         self.every: list[tuple[int, int, Callable[[], None]]] = []
         self.decode_all = False
+        self.quiet = False
+        """Keep raw datagrams only; nothing is decoded."""
 
     # Time ---------------------------------------------------------------------------------------------------------
 
@@ -118,6 +120,8 @@ class Rig:
     def _collect(self) -> None:
         for link, data in self.autopilot.datagrams():
             self.raw.append((self.t_us, link, data))
+            if self.quiet:
+                continue
             message_id = data[7] | data[8] << 8 | data[9] << 16
             if message_id not in mavlink.mavlink_map or not (self.decode_all or message_id in _INTERESTING):
                 continue
