@@ -25,11 +25,12 @@ def parse_address(url: str, schemes: Collection[str]) -> Address:
     scheme, separator, rest = url.partition("://")
     if not separator or scheme not in schemes:
         raise LinkError(f"{url!r}: a link is one of {', '.join(f'{name}://' for name in schemes)}")
+    is_serial = scheme.endswith("serial")
     place, _, digits = rest.rpartition(":")
     if not place or not digits.isdecimal():
-        form = "serial:///dev/ttyAMA0:921600" if scheme == "serial" else f"{scheme}://127.0.0.1:14540"
+        form = f"{scheme}:///dev/ttyAMA0:921600" if is_serial else f"{scheme}://127.0.0.1:14540"
         raise LinkError(f"{url!r}: must be written like {form}")
     number = int(digits)
-    if scheme != "serial" and not 1 <= number <= 65535:
+    if not is_serial and not 1 <= number <= 65535:
         raise LinkError(f"{url!r}: port {number} is not in 1..65535")
-    return Address(scheme, place.strip("[]") if scheme != "serial" else place, number)
+    return Address(scheme, place if is_serial else place.strip("[]"), number)

@@ -18,11 +18,23 @@ from companion.io.serial import open_serial
 from companion.io.tcp import open_tcp
 from companion.io.udp import open_udp_in, open_udp_out
 
+
+async def _open_mavsdk(address: Address, receive: Receive) -> Link:
+    """Its library is loaded when somebody asks for it: 19 MB and five threads."""
+    from companion.io.mavsdk_link import open_mavsdk
+
+    return await open_mavsdk(address, receive)
+
+
 LINKS: dict[str, Callable[[Address, Receive], Awaitable[Link]]] = {
     "udpin": open_udp_in,
     "udpout": open_udp_out,
     "tcp": open_tcp,
     "serial": open_serial,
+    "mavsdk+udpin": _open_mavsdk,
+    "mavsdk+udpout": _open_mavsdk,
+    "mavsdk+tcp": _open_mavsdk,
+    "mavsdk+serial": _open_mavsdk,
 }
 
 
