@@ -14,7 +14,7 @@ from statistics import NormalDist
 from companion.estimation import bank, heading
 from companion.estimation.bank import Member, Mixture, Row
 from companion.estimation.bank_report import estimate_of
-from companion.estimation.gate import NS, AxisGate, Decision, judge
+from companion.estimation.gate import AGREEING, NS, AxisGate, Decision, judge
 from companion.estimation.heading import SteadyHeading
 from companion.estimation.measurement import PadMeasurement
 from companion.estimation.motion import BX, BY, SHARED, VX, VY, Motion, MotionModel, X, Y
@@ -240,7 +240,7 @@ def _judge_horizontal(
     S = [row.variance(now.P, SHARED) for row in rows]
     slack = 0.1 * m.systematic_sigma_m**2
     gates = [_gate(track, m.source, axis) for axis in ("north", "east")]
-    both = all(gate.rejected_since_ns is not None for gate in gates)
+    both = all(gate.agreeing >= AGREEING for gate in gates)
     decisions = [
         judge(
             gates[k],
