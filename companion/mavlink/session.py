@@ -26,13 +26,14 @@ from companion.mavlink.codec import finite
 from companion.mavlink.commands import Commander, request_for
 from companion.mavlink.framing import FrameSplitter
 from companion.mavlink.geodesy import GeoOrigin
+from companion.mavlink.landing_target import LANDING_TARGET_FORMS
 from companion.mavlink.parameters import ParameterReader
 from companion.mavlink.signing import Signing
 from companion.mavlink.status import StatusTracker, same_but_for_age
 from companion.mavlink.texts import EventReader, TextAssembler
 from companion.mavlink.timesync import ClockQuality
 from companion.mavlink.vehicle import VehicleReader, acceleration_report, range_measurement, thrust_report
-from companion.messages import CommandKind, SensorInput, VehicleCommand, VehicleStatus, VelocitySetpoint
+from companion.messages import CommandKind, PadEstimate, SensorInput, VehicleCommand, VehicleStatus, VelocitySetpoint
 
 Handler = Callable[[Any, int], None]
 Handlers = dict[type, Handler]
@@ -158,6 +159,15 @@ class Session:
         )
         self._send(message, now_ns)
         self.counters.setpoints_sent += 1
+        return True
+
+    def send_landing_target(self, form: str, pad: PadEstimate, now_ns: int) -> bool:
+        """Tell an autopilot that lands by itself where the pad is. False where the vehicle's own state is unknown."""
+        vehicle = self._vehicle.state
+        if vehicle is None or not finite(*pad.position_ned_m):
+            return False
+        boot_ns = self._clocks.boot_ns(pad.t_ns)
+        self._send(LANDING_TARGET_FORMS[form](pad, vehicle, max(boot_ns or 0, 0) // 1000), now_ns)
         return True
 
     def send_command(self, command: VehicleCommand, now_ns: int) -> None:
