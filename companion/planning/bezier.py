@@ -24,7 +24,9 @@ from companion.planning.trajectory import Piece, Trajectory, horner, quintic
 PARALLEL = 1e-6
 """Sine of the angle between the headings below which their lines do not meet."""
 TABLE_LEVELS = 7
-KNOTS = 10
+SHARES = (0.0, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
+"""Where, in shares of the duration, the trajectory meets the curve. The first stretch is long: the vehicle's own velocity,
+which also has a vertical part, goes over into the curve's there."""
 SLOWDOWNS = 20
 SLOW_M_S = 0.2
 """Below this horizontal speed the vehicle's velocity says nothing about a heading."""
@@ -202,11 +204,14 @@ def _timed(request: PlanRequest, curve: BezierCurve, table: ArcLength, duration_
     end_speed = max(0.0, _along(request.goal_velocity_m_s, curve, 1.0))
     start_push = _along(request.acceleration_m_s2, curve, 0.0)
     distance = quintic(duration_s, (0.0, start_speed, start_push), (table.total_m, end_speed, 0.0))
-    breaks = tuple(duration_s * k / KNOTS for k in range(KNOTS + 1))
+    breaks = tuple(duration_s * share for share in SHARES)
     states = [(request.position_m, request.velocity_m_s, request.acceleration_m_s2)]
     states += [_state_on(curve, table, distance, t) for t in breaks[1:-1]]
     states += [(request.goal_position_m, request.goal_velocity_m_s, (0.0, 0.0, 0.0))]
-    return Trajectory(request.t_ns, breaks, tuple(_joined(duration_s / KNOTS, a, b) for a, b in pairwise(states)))
+    pieces = (
+        _joined(late - early, a, b) for (early, late), (a, b) in zip(pairwise(breaks), pairwise(states), strict=True)
+    )
+    return Trajectory(request.t_ns, breaks, tuple(pieces))
 
 
 def _along(vector: Vec3, curve: BezierCurve, tau: float) -> float:

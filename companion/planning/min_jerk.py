@@ -45,10 +45,11 @@ class MinJerkPlanner:
         self._end_velocities = approach_velocities(approaches, approach_speed_m_s)
         self._horizon_s = horizon_s
         self._switch_distance_m = switch_distance_m
-        self._duration_weight = duration_weight
+        self._duration_weight = float(duration_weight)
         self._running: tuple[Plan, PlanRequest] | None = None
         count = end_times * approaches
         self._work, self._costs, self._verdicts = floats(fan.WORKSPACE), floats(count), integers(count)
+        self._evaluate([], [0.0] * 9, [], floats_of([0.0] * 9), floats_of([0.0] * fan.LIMIT_COUNT), True)  # compiles
 
     @classmethod
     def from_config(cls, planning: Planning) -> MinJerkPlanner:
@@ -73,18 +74,10 @@ class MinJerkPlanner:
         durations = end_times(request.min_duration_s, min(self._horizon_s, request.max_duration_s), self._end_times)
         candidates = [(t, v) for t in durations for v in self._end_velocities]
         ends = [value for _, v in candidates for value in _end_state(request, v)]
-        best = fan.evaluate(
-            floats_of([t for t, _ in candidates]),
-            floats_of([*request.position_m, *request.velocity_m_s, *request.acceleration_m_s2]),
-            floats_of(ends),
-            pad_array(request),
-            limit_array(request),
-            self._duration_weight,
-            not request.obstacles,
-            self._work,
-            self._costs,
-            self._verdicts,
-        )
+        start = [*request.position_m, *request.velocity_m_s, *request.acceleration_m_s2]
+        durations_s = [t for t, _ in candidates]
+        prune = not request.obstacles
+        best = self._evaluate(durations_s, start, ends, pad_array(request), limit_array(request), prune)
         if best < 0:
             return NoPlan("min_jerk", request.t_ns, _refusals(self._verdicts, len(candidates)))
         for k in self._in_order(candidates) if request.obstacles else [best]:
@@ -92,6 +85,14 @@ class MinJerkPlanner:
             if _misses_volumes(plan, request):
                 return plan
         return NoPlan("min_jerk", request.t_ns, "every candidate meets a no-fly volume")
+
+    def _evaluate(
+        self, durations_s: list[float], start: list[float], ends: list[float], pad: Any, limits: Any, prune: bool
+    ) -> int:
+        """The kernel on this planner's room for work; no candidates at construction, so that it compiles on the ground."""
+        durations, first, last = floats_of(durations_s), floats_of(start), floats_of(ends)
+        weight = self._duration_weight
+        return fan.evaluate(durations, first, last, pad, limits, weight, prune, self._work, self._costs, self._verdicts)
 
     def _in_order(self, candidates: Sequence[tuple[float, Vec3]]) -> list[int]:
         accepted = [k for k in range(len(candidates)) if self._verdicts[k] == 0]
@@ -233,4 +234,4 @@ def integers(count: int) -> MutableSequence[int]:
 
 
 def floats_of(values: list[float]) -> Any:
-    return np.array(values) if COMPILED else values
+    return np.array(values, dtype=np.float64) if COMPILED else values

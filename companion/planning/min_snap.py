@@ -58,11 +58,15 @@ def minimum_snap(
     """
     if len(waypoints_m) < 2 or len(durations_s) != len(waypoints_m) - 1 or not bool((durations_s > 0.0).all()):
         raise ValueError("minimum snap needs at least two waypoints and a positive duration between each two")
+    waypoints, durations = _flat(waypoints_m), _flat(durations_s)
     rest = np.zeros((3, 3))
-    state = snap.solve(
-        waypoints_m, durations_s, rest if start is None else start, rest if end is None else end, snap.GRAM
-    )
-    return SnapPath(waypoints_m, durations_s, state)
+    first, last = rest if start is None else _flat(start), rest if end is None else _flat(end)
+    return SnapPath(waypoints, durations, snap.solve(waypoints, durations, first, last, snap.GRAM))
+
+
+def _flat(array: Array) -> Array:
+    """One type of array for the kernel, so that it is compiled once."""
+    return np.ascontiguousarray(array, dtype=np.float64)
 
 
 def durations_by_distance(waypoints_m: Array, total_s: float) -> Array:
@@ -139,6 +143,7 @@ class MinSnapPlanner:
 
     def __init__(self, threshold_m: float = 2.0, rounds: int = 4, rule: SplitRule = "all") -> None:
         self._threshold_m, self._rounds, self._rule = threshold_m, rounds, rule
+        minimum_snap(np.eye(3), np.ones(2))  # compiles the kernel now, not in the air
 
     @classmethod
     def from_config(cls, planning: Planning) -> MinSnapPlanner:

@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import itertools
+import json
 import math
+import os
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -190,3 +194,32 @@ def test_the_snap_cost_is_the_integral_of_squared_snap() -> None:
             values = np.polyval(derivative(axis, 4), 0.5 * width * (nodes + 1.0))
             total += 0.5 * width * float((weights * values**2).sum())
     assert path.cost == pytest.approx(total, rel=1e-9)
+
+
+SOLUTION = """
+import json
+import numpy as np
+from companion.planning.compiled import COMPILED
+from companion.planning.min_snap import minimum_snap
+rng = np.random.default_rng(9)
+path = minimum_snap(rng.normal(size=(6, 3)), rng.uniform(0.5, 2.0, 5), rng.normal(size=(3, 3)), rng.normal(size=(3, 3)))
+print(json.dumps([COMPILED, path.state.ravel().tolist()]))
+"""
+
+
+def test_compiled_and_plain_kernels_agree() -> None:
+    pytest.importorskip("numba")
+    plain, compiled = (
+        json.loads(
+            subprocess.run(
+                [sys.executable, "-c", SOLUTION],
+                capture_output=True,
+                text=True,
+                check=True,
+                env={**os.environ, **extra},
+            ).stdout
+        )
+        for extra in ({"NUMBA_DISABLE_JIT": "1"}, {})
+    )
+    assert (plain[0], compiled[0]) == (False, True)
+    assert plain[1] == pytest.approx(compiled[1], rel=1e-11)
