@@ -63,6 +63,8 @@ MAX_STATE_AGE_S = 0.25
 MAX_MODE_AGE_S = 0.6
 """PX4 takes OFFBOARD back by itself at the first setpoint after a failsafe. So none is sent until the mode is known afresh."""
 
+NO_PLAN_PATIENCE_NS = 1_000_000_000
+
 MAX_RANGE_AGE_S = 0.3
 PAD_IN_VIEW_AGE_S = 0.15
 
@@ -95,6 +97,7 @@ class Pipeline:
         self._operator: OperatorAction | None = None
         self._refused: str | None = None
         self._no_plan: str | None = None
+        self._no_plan_since_ns: int | None = None
         self._start: VehiclePose | None = None
         self._start_yaw_rad = 0.0
         self._pattern_since_ns: int | None = None
@@ -190,7 +193,7 @@ class Pipeline:
 
     def _on_phase(self, before: Phase, phase: Phase, pose: VehiclePose | None) -> None:
         self._refused = None
-        self._no_plan = None
+        self._no_plan, self._no_plan_since_ns = None, None
         if phase in (Phase.ENGAGE, Phase.TAKEOFF) and pose is not None:
             self._start = pose
             self._start_yaw_rad = yaw_of(pose.q_ned_frd)
@@ -345,7 +348,14 @@ class Pipeline:
         return Reference(*followed.now), Reference(*followed.ahead)
 
     def _note_plan(self, plan: PlanMade) -> None:
-        self._no_plan = None if plan.found else plan.reason
+        """A planner that finds nothing for a moment is waited for; the reference holds meanwhile."""
+        if plan.found:
+            self._no_plan, self._no_plan_since_ns = None, None
+            return
+        if self._no_plan_since_ns is None:
+            self._no_plan_since_ns = plan.t_ns
+        if plan.t_ns - self._no_plan_since_ns >= NO_PLAN_PATIENCE_NS:
+            self._no_plan = plan.reason
 
     def _pattern(self, t_ns: int) -> Reference:
         """The search: a point that moves along the pattern at the search speed, at the search height above the start."""

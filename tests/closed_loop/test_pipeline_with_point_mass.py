@@ -36,7 +36,7 @@ from companion.pipeline import Pipeline
 
 DT_S = 0.02
 LAG_S = 0.4
-LEG_M = 0.15
+LEG_M = 0.22
 VARIANCE = ((4e-4, 0.0, 0.0), (0.0, 4e-4, 0.0), (0.0, 0.0, 4e-4))
 
 
