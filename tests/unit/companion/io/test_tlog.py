@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import math
+import signal
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -72,6 +75,24 @@ def test_a_log_is_readable_while_it_is_written(tmp_path: Path) -> None:
     readable = len(list(read_frames(tmp_path / "flight.tlog")))
     writer.close()
     assert readable >= 90  # at most the last 200 ms are missing if the process dies now
+
+
+def test_a_killed_process_leaves_a_readable_log(tmp_path: Path) -> None:
+    program = f"""
+import os, signal
+from pathlib import Path
+from companion.io.tlog import TlogWriter
+from companion.mavlink import codec, dialect
+writer = TlogWriter(Path({str(tmp_path / "flight.tlog")!r}))
+for i in range(100):
+    writer.write({EPOCH_US} + 20_000 * i, codec.encode(dialect.Timesync(i + 1, 0), i, 1, 1))
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+    killed = subprocess.run([sys.executable, "-c", program], check=False)
+    assert killed.returncode == -signal.SIGKILL
+    log = TlogColumns.read(tmp_path / "flight.tlog")
+    np.testing.assert_array_equal(log["TIMESYNC"]["tc1"], np.arange(log.frames) + 1)
+    assert log.frames >= 90
 
 
 def test_columns_have_the_fields_of_the_messages(tmp_path: Path) -> None:
