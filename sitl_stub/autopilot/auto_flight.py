@@ -1,7 +1,8 @@
 """PX4's automatic flight task: navigation target in, trajectory setpoint (position, velocity, acceleration) out.
 
 Landing sinks with MPC_Z_V_AUTO_DN above MPC_LAND_ALT1, slows linearly to MPC_LAND_SPEED at MPC_LAND_ALT2, and creeps with MPC_LAND_CRWL
-below MPC_LAND_ALT3 when a range sensor measures the ground. Heading turns at most MPC_YAWRAUTO_MAX.
+below MPC_LAND_ALT3 when a range sensor measures the ground. A take-off climbs with a speed that grows by MPC_TKO_SPEED in
+MPC_TKO_RAMP_T, from half a ramp after the ramp's begin, without a position setpoint in z. Heading turns at most MPC_YAWRAUTO_MAX.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from math import nan, pi, radians, remainder
 from sitl_stub.autopilot.navigation import NavigationTarget, Situation, TargetKind
 from sitl_stub.autopilot.parameters import Parameters
 from sitl_stub.autopilot.setpoint import TrajectorySetpoint
-from sitl_stub.autopilot.trajectory import SmoothedPoint, SmoothingLimits
+from sitl_stub.autopilot.trajectory import SmoothedPoint, SmoothingLimits, braking_speed_m_s
 
 
 def _interpolated(value: float, low: float, high: float, at_low: float, at_high: float) -> float:
@@ -29,6 +30,7 @@ class AutoFlight:
         self._parameters = parameters
         self._point = SmoothedPoint()
         self._yaw_rad = 0.0
+        self._climb_s = 0.0
         self.refresh()
 
     def refresh(self) -> None:
@@ -45,17 +47,6 @@ class AutoFlight:
             gain_xy=get("MPC_XY_TRAJ_P"),
             error_max_m=get("MPC_XY_ERR_MAX"),
         )
-        self._takeoff_limits = SmoothingLimits(
-            self._limits.cruise_m_s,
-            min(get("MPC_TKO_SPEED"), get("MPC_Z_V_AUTO_UP")),
-            self._limits.descent_m_s,
-            self._limits.acceleration_xy_m_s2,
-            self._limits.acceleration_up_m_s2,
-            self._limits.acceleration_down_m_s2,
-            self._limits.jerk_m_s3,
-            self._limits.gain_xy,
-            self._limits.error_max_m,
-        )
         self._yaw_rate_rad_s = radians(get("MPC_YAWRAUTO_MAX"))
 
     def start(self, situation: Situation) -> None:
@@ -69,11 +60,13 @@ class AutoFlight:
 
     def update(self, situation: Situation, target: NavigationTarget) -> TrajectorySetpoint:
         """Setpoint of this step."""
-        descent = self._land_speed_m_s(situation) if target.kind is TargetKind.LAND else None
-        limits = self._takeoff_limits if self._climbs_near_ground(situation, target) else self._limits
-        self._point.advance(
-            (target.x_m, target.y_m), target.z_m, descent, situation.position_ned_m, limits, situation.dt_s
-        )
+        target_xy, vehicle = (target.x_m, target.y_m), situation.position_ned_m
+        if target.kind is TargetKind.TAKEOFF:
+            self._point.advance(target_xy, None, None, vehicle, self._limits, situation.dt_s)
+            self._climb(situation, target.z_m)
+        else:
+            descent = self._land_speed_m_s(situation) if target.kind is TargetKind.LAND else None
+            self._point.advance(target_xy, target.z_m, descent, vehicle, self._limits, situation.dt_s)
         self._turn(target.yaw_rad, situation.dt_s)
         return self._setpoint()
 
@@ -87,9 +80,24 @@ class AutoFlight:
             nan,
         )
 
-    def _climbs_near_ground(self, situation: Situation, target: NavigationTarget) -> bool:
-        near = self._parameters.get("MPC_LAND_ALT1")
-        return target.kind is TargetKind.TAKEOFF and self._height_m(situation) < near
+    def start_climb(self) -> None:
+        """The take-off ramp has not begun yet."""
+        self._climb_s = 0.0
+
+    def continue_climb(self) -> None:
+        """A take-off commanded in the air: no ramp any more."""
+        self._climb_s = 2.0 * self._parameters.get("MPC_TKO_RAMP_T")
+
+    def _climb(self, situation: Situation, target_z_m: float) -> None:
+        get = self._parameters.get
+        self._climb_s += situation.dt_s
+        speed = get("MPC_TKO_SPEED")
+        wanted = speed * (self._climb_s / max(get("MPC_TKO_RAMP_T"), 0.1) - 0.5)
+        z = self._point.z
+        z.position_m = situation.position_ned_m[2]
+        near = braking_speed_m_s(z.position_m - target_z_m, self._limits.acceleration_down_m_s2, self._limits.jerk_m_s3)
+        z.velocity_m_s = -max(0.0, min(wanted, speed, near))
+        z.acceleration_m_s2 = 0.0
 
     def _height_m(self, situation: Situation) -> float:
         if situation.height_above_ground_m is not None:

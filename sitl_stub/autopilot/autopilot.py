@@ -395,9 +395,10 @@ class Autopilot:
     def _fly_automatically(self, mode: NavState, situation: Situation) -> Setpoint:
         self._enter_route(mode, situation)
         assert self._route is not None
-        if self.takeoff.state < TakeoffState.FLIGHT:
-            # PX4 begins the task again and again until the ramp has ended: the climb itself starts only then.
+        if self.takeoff.state < TakeoffState.RAMP_UP:
+            # On the ground the task begins again each step, so that the climb starts with the ramp.
             self._auto_flight.start(situation)
+            self._auto_flight.start_climb()
         self._target = self._route.update(situation)
         if self._route.done and mode is NavState.AUTO_TAKEOFF:
             self.commander.finish_takeoff()
@@ -414,6 +415,8 @@ class Autopilot:
         was_automatic = self._target is not None
         if not was_automatic:
             self._auto_flight.start(situation)
+        if mode is NavState.AUTO_TAKEOFF and self.takeoff.state is TakeoffState.FLIGHT:
+            self._auto_flight.continue_climb()
         self._route = _ROUTES[mode](self)
         self._route.enter(situation, self._target)
         self._flown = (mode, self.commander.mode_changes)
