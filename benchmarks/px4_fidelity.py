@@ -2,7 +2,7 @@
 
     python benchmarks/px4_fidelity.py DIR [--json] [--plots DIR] [--airframe NAME]
 
-Each file of DIR (format of px4_recording.py) is replayed without noise and compared with PX4's *estimated* response along
+Each file of DIR (format of px4_recording.py or px4_landing.py) is replayed without noise and compared with PX4's *estimated* response along
 the direction that was commanded: velocity, or position, or heading (rate). `nrmse` is the RMS difference as a fraction of the
 step. PX4 steers by its estimate, whose error against truth is in the recording: `floor` is that error's RMS, as the same
 fraction, and `allowed` = sqrt(0.06^2 + floor^2). For steps of 3 m/s and more also t63, t90 (within 15 % or 0.05 s), peak tilt
@@ -21,6 +21,16 @@ from math import hypot, isfinite, sqrt
 from pathlib import Path
 
 import numpy as np
+from px4_landing import (
+    Flight,
+    FlightReplay,
+    first_time,
+    is_flight_recording,
+    order_of,
+    read_flight,
+    start_height_m,
+    touchdown_s,
+)
 from px4_recording import Array, Command, Recording, is_step_recording, read_recording
 from px4_replay import Replay, Response
 from response_plot import write_plot
@@ -266,6 +276,62 @@ def score(recording: Recording, airframe: Airframe) -> tuple[Row, Comparison]:
     ), c
 
 
+def score_flight(name: str, recorded: Flight, airframe: Airframe) -> tuple[Row, Comparison]:
+    """Fly one take-off or landing again and judge its vertical speed (or height) until touchdown."""
+    order = order_of(name)
+    stub = FlightReplay(order, airframe, start_height_m(recorded)).run(float(recorded.t_s[-1]))
+    down_s, stub_down_s = touchdown_s(recorded), touchdown_s(stub)
+    ends = [float(recorded.t_s[-1])]
+    if not order.starts_on_ground:
+        ends += [t for t in (down_s, stub_down_s) if t is not None]
+    end_s = min(ends)
+    keep = (recorded.t_s > 0.0) & (recorded.t_s <= end_s) & ~np.isnan(recorded.vz_m_s)
+    t_s = recorded.t_s[keep]
+    is_height = order.what == "offboard_pos"
+    columns = [(f.z_m if is_height else f.vz_m_s) for f in (recorded, stub)]
+    if is_height:
+        # PX4's height is not zero on the ground; only the way is compared.
+        columns = [values - np.interp(0.0, f.t_s, values) for values, f in zip(columns, (recorded, stub), strict=True)]
+    measured, simulated = columns[0][keep][:, None], np.interp(t_s, stub.t_s, columns[1])[:, None]
+    step = abs(order.value) if abs(order.value) > 0.0 else max(float(np.abs(stub.vz_m_s).max()), 1.0)
+    error = _flight_error(recorded, keep, is_height)
+    c = Comparison("height" if is_height else "vertical speed", t_s, measured, simulated, error, np.ones((1, 1)), step)
+    nrmse, floor = _rms(c.stub - c.recorded) / step, _rms(error) / step
+    allowed = sqrt(TOLERANCE**2 + floor**2)
+    times = _landing_times(recorded, stub, down_s, stub_down_s)
+    failures = () if nrmse <= allowed else ("nrmse",)
+    return Row(name, c.quantity, step, nrmse, floor, allowed, nrmse, floor, times, not failures, failures), c
+
+
+def _flight_error(recorded: Flight, keep: Array, is_height: bool) -> Array:
+    """Recorded estimate minus truth; the truth comes at 10 Hz and is interpolated."""
+    true = recorded.height_m if is_height else recorded.true_vz_m_s
+    known = ~np.isnan(true)
+    if not known.any():
+        return np.zeros((int(keep.sum()), 1))
+    t_s = recorded.t_s[keep]
+    reference = np.interp(t_s, recorded.t_s[known], true[known])
+    if is_height:
+        estimate = recorded.z_m[keep] - recorded.z_m[keep][0]
+        return (estimate + reference - reference[0])[:, None]
+    return (recorded.vz_m_s[keep] - reference)[:, None]
+
+
+def _landing_times(recorded: Flight, stub: Flight, down_s: float | None, stub_down_s: float | None) -> dict[str, Pair]:
+    """Touchdown, ON_GROUND after touchdown, disarming after that; only shown, the conformance tests judge them."""
+    if down_s is None or stub_down_s is None:
+        return {}
+    landed = [first_time(f.t_s, f.landed, 1.0) for f in (recorded, stub)]
+    disarmed = [first_time(f.t_s, f.armed, 0.0) for f in (recorded, stub)]
+    if None in landed or None in disarmed:
+        return {"touchdown_s": Pair(down_s, stub_down_s)}
+    return {
+        "touchdown_s": Pair(down_s, stub_down_s),
+        "on_ground_after_s": Pair(landed[0] - down_s, landed[1] - stub_down_s),
+        "disarmed_after_s": Pair(disarmed[0] - landed[0], disarmed[1] - landed[1]),
+    }
+
+
 def airframe_for(folder: Path, name: str | None = None) -> Airframe:
     """The recorded vehicle; low drag by the folder's name."""
     name = name or ("sih_quadx_lowdrag" if "lowdrag" in folder.name else "sih_quadx")
@@ -278,9 +344,13 @@ def score_folder(
     """Rows for all files of a folder that have this format, by name."""
     rows = []
     for path in sorted(folder.glob("*.csv")):
-        if not is_step_recording(path):
+        vehicle = airframe_for(folder, airframe)
+        if is_step_recording(path):
+            row, comparison = score(read_recording(path), vehicle)
+        elif is_flight_recording(path):
+            row, comparison = score_flight(path.stem, read_flight(path), vehicle)
+        else:
             continue
-        row, comparison = score(read_recording(path), airframe_for(folder, airframe))
         rows.append(row)
         if on_compared:
             on_compared(row, comparison)

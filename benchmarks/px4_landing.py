@@ -1,0 +1,208 @@
+"""Recorded take-offs and landings of a real PX4, flown again by the simulator's whole autopilot over SIH's flat ground.
+
+The command is in the file's name: `offland_0.5_rng` (OFFBOARD, sinking 0.5 m/s through touchdown, with range sensor), `autoland_norng`,
+`takeoff_offboard_vel_-1`, `takeoff_offboard_pos_-5`, `takeoff_auto`, `takeoff_arm_first`, `gps_loss_offboard`, `land_auto_flight`. At t = 0 it is given: the
+descent, AUTO.LAND, arming, or the loss of GNSS. No noise, no estimate error; the flight starts at the recorded true height. NED, seconds
+since the command. Read by px4_fidelity.py.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from dataclasses import dataclass
+from math import nan
+from pathlib import Path
+
+import numpy as np
+from px4_recording import Array
+
+from sitl_stub.airframe import Airframe
+from sitl_stub.autopilot.autopilot import Autopilot, AutopilotOptions
+from sitl_stub.autopilot.commands import Command
+from sitl_stub.autopilot.estimate import NO_ERRORS
+from sitl_stub.autopilot.modes import NavState
+from sitl_stub.autopilot.offboard import LocalTarget
+from sitl_stub.multirotor import Multirotor
+
+GROUND_ALTITUDE_M = 489.4
+_STEP_US, _STREAM_US, _BEFORE_US = 4_000, 50_000, 2_000_000
+_LOCAL_NED = 1
+_ONLY_VELOCITY, _ONLY_POSITION = 0b0101_1100_0111, 0b1001_1111_1000
+_ARM, _TAKEOFF = 400, 22
+_APP = (1, 191)
+_NAME = re.compile(
+    r"(?P<kind>offland|autoland|takeoff|gps_loss|land_auto)(_(?P<what>offboard_vel|offboard_pos|auto|arm_first|flight|offboard))?(_(?P<value>-?[\d.]+))?(_(?P<range>rng|norng))?"
+)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Flight:
+    """One recording or its simulation. Heights are true, NaN where a row has none; `landed` and `armed` are NaN, 0 or 1."""
+
+    t_s: Array
+    z_m: Array
+    vz_m_s: Array
+    true_vz_m_s: Array
+    height_m: Array
+    landed: Array
+    armed: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """What was commanded."""
+
+    kind: str
+    what: str
+    value: float
+    has_range_sensor: bool
+
+    @property
+    def starts_on_ground(self) -> bool:
+        return self.kind == "takeoff"
+
+
+def is_flight_recording(path: Path) -> bool:
+    """Has the columns of the take-off and landing campaign, and a name that says what was commanded."""
+    with path.open(encoding="ascii") as file:
+        header = file.readline()
+    return "true_alt_m" in header and "landed_state" in header and _NAME.fullmatch(path.stem) is not None
+
+
+def order_of(name: str) -> Order:
+    """Read the command from the file's name; ValueError for an unknown one."""
+    match = _NAME.fullmatch(name)
+    if match is None:
+        raise ValueError(f"{name}: the name does not say what was commanded")
+    value = float(match["value"]) if match["value"] else nan
+    return Order(match["kind"], match["what"] or "", value, match["range"] != "norng")
+
+
+def read_flight(path: Path) -> Flight:
+    """One file."""
+    with path.open(encoding="ascii", newline="") as file:
+        rows = list(csv.DictReader(file))
+
+    def column(name: str) -> Array:
+        return np.array([float(row[name]) if row[name] else np.nan for row in rows])
+
+    landed = np.array([nan if not row["landed_state"] else float(row["landed_state"] == "ON_GROUND") for row in rows])
+    return Flight(
+        column("t_s"),
+        column("z"),
+        column("vz"),
+        column("true_vz"),
+        column("true_alt_m") - GROUND_ALTITUDE_M,
+        landed,
+        column("armed"),
+    )
+
+
+class FlightReplay:
+    """The simulator under the same command."""
+
+    def __init__(self, order: Order, airframe: Airframe, start_height_m: float) -> None:
+        options = AutopilotOptions(
+            errors=NO_ERRORS,
+            home_error_scale=0.0,
+            imu_noise_scale=0.0,
+            cold_boot=False,
+            has_range_sensor=order.has_range_sensor,
+            ground_link=False,
+        )
+        self._order = order
+        self._autopilot = Autopilot(airframe, None, np.random.default_rng(0), options)
+        height_m = 0.0 if order.starts_on_ground else start_height_m
+        signal = 0.0 if order.starts_on_ground else airframe.hover_signal
+        self._start_z_m = -height_m
+        self._body = Multirotor(airframe, (0.0, 0.0, -height_m), motors=(signal, signal, signal, signal))
+        self._body.on_surface = order.starts_on_ground
+        self._ordered = False
+        if not order.starts_on_ground:
+            self._autopilot.begin_in_air(self._body.truth())
+
+    def run(self, seconds: float) -> Flight:
+        """Fly two seconds of holding, give the order at t = 0 and fly on."""
+        rows = []
+        for t_us in range(0, _BEFORE_US + round(seconds * 1e6), _STEP_US):
+            self._pilot(t_us)
+            height_m = -self._body.state.z
+            range_m = height_m if self._order.has_range_sensor and height_m > 0.0 else None
+            motors = self._autopilot.step(t_us, self._body.truth(), range_m, _STEP_US * 1e-6)
+            self._autopilot.datagrams()
+            self._body.step(_STEP_US * 1e-6, motors)
+            self._stop_at_the_ground()
+            s, autopilot = self._body.state, self._autopilot
+            rows.append(
+                (
+                    (t_us - _BEFORE_US) * 1e-6,
+                    s.z,
+                    s.vz,
+                    float(autopilot.land_detector.landed),
+                    float(autopilot.is_armed),
+                )
+            )
+        t_s, z, vz, landed, armed = np.array(rows).T
+        return Flight(t_s, z, vz, vz, -z, landed, armed)
+
+    def _stop_at_the_ground(self) -> None:
+        """SIH's ground: it holds the vehicle while the net force points down, without bounce or sliding."""
+        s, acceleration = self._body.state, self._body.truth().acceleration_ned_m_s2
+        self._body.on_surface = s.z >= 0.0 and acceleration[2] >= 0.0
+        if self._body.on_surface:
+            self._body.state = s._replace(z=0.0, vx=0.0, vy=0.0, vz=0.0, p=0.0, q=0.0, r=0.0)
+
+    def _pilot(self, t_us: int) -> None:
+        autopilot, order = self._autopilot, self._order
+        streams = order.what in ("offboard_vel", "offboard_pos") or not order.starts_on_ground
+        after = t_us >= _BEFORE_US
+        if streams and t_us % _STREAM_US == 0 and not (after and order.kind in ("autoland", "land_auto")):
+            autopilot.receive_local_target(self._target(after))
+        if streams and t_us == 2 * _STREAM_US:
+            autopilot.commander.request_mode(NavState.OFFBOARD)
+        if after and not self._ordered:
+            self._ordered = True
+            self._give_order()
+
+    def _give_order(self) -> None:
+        autopilot, order = self._autopilot, self._order
+        if order.kind in ("autoland", "land_auto"):
+            autopilot.commander.request_mode(NavState.AUTO_LAND)
+        elif order.kind == "gps_loss":
+            autopilot.estimator.gnss_available = False
+        elif order.starts_on_ground:
+            if order.what in ("auto", "arm_first"):
+                autopilot.handle_command(Command(_TAKEOFF, (0.0, 0.0, 0.0, nan, nan, nan, nan), "onboard", _APP))
+            autopilot.handle_command(Command(_ARM, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), "onboard", _APP))
+
+    def _target(self, after: bool) -> LocalTarget:
+        order = self._order
+        vz = order.value if order.what == "offboard_vel" or (after and order.kind == "offland") else 0.0
+        if order.what == "offboard_pos":
+            return LocalTarget(_LOCAL_NED, _ONLY_POSITION, (0.0, 0.0, order.value), (0.0,) * 3, (0.0,) * 3, 0.0, 0.0)
+        return LocalTarget(_LOCAL_NED, _ONLY_VELOCITY, (0.0,) * 3, (0.0, 0.0, vz), (0.0,) * 3, 0.0, 0.0)
+
+
+def start_height_m(flight: Flight) -> float:
+    """True height when the command was given (on the ground where none was recorded)."""
+    known = ~np.isnan(flight.height_m)
+    return (
+        float(np.interp(0.0, flight.t_s[known], flight.height_m[known]))
+        if known.any()
+        else -float(np.interp(0.0, flight.t_s, flight.z_m))
+    )
+
+
+def touchdown_s(flight: Flight) -> float | None:
+    """When the true vertical motion ended for good after a descent."""
+    known = ~np.isnan(flight.true_vz_m_s) & (flight.t_s > 0.0)
+    moving = np.flatnonzero(np.abs(flight.true_vz_m_s[known]) > 0.02)
+    t_s = flight.t_s[known]
+    return float(t_s[moving[-1]]) if len(moving) and moving[-1] + 5 < len(t_s) else None
+
+
+def first_time(t_s: Array, flags: Array, value: float) -> float | None:
+    """First time after the command at which a flag has the value."""
+    found = np.flatnonzero((flags == value) & (t_s > 0.0))
+    return float(t_s[found[0]]) if len(found) else None
