@@ -180,6 +180,7 @@ class Autopilot:
         hover = self._hover_signal
         self.cascade.start_in_flight(hover, estimate.q_ned_frd, hover, estimate.velocity_ned_m_s)
         self.commander.begin_in_air(t_us)
+        self.commander.learn_health(self._refresh_health(t_us))
         self._armings_seen = self.commander.armings
         self.land_detector.begin_in_air(t_us)
         self.takeoff.update(t_us, True, False, True, skip=True)
@@ -197,7 +198,7 @@ class Autopilot:
             return
         if mode not in _SWITCH_MODES:
             raise ValueError(f"pilot mode {mode!r}: must be one of {', '.join(_SWITCH_MODES)}")
-        self._refresh_health(self._t_us)
+        self.commander.learn_health(self._refresh_health(self._t_us))
         self.commander.request_mode(_SWITCH_MODES[mode])
 
     def step(self, t_us: int, truth: VehicleTruth, range_m: float | None, dt_s: float) -> Motors:

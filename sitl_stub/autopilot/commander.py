@@ -237,6 +237,10 @@ class Commander:
         self._has_flown = True
         self._landed = False
 
+    def learn_health(self, health: Health) -> None:
+        """Health that holds before the next step: a start in flight, a radio that has just been switched on."""
+        self._health = health
+
     def step(self, now: Conditions) -> None:
         """Advance to now: landing, auto-disarm, failsafe, mode."""
         self._t_us = now.t_us

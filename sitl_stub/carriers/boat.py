@@ -95,7 +95,9 @@ class Boat:
         swung_rad = swing * math.sin(swing_rate * t_s + self._swing_phase_rad)
         north = self._north_m - self._offset[0] - self._current[0] * t_s
         east = self._east_m - self._offset[1] - self._current[1] * t_s
-        v, w = follow(reference, north, east, self._heading_rad - swung_rad, s.speed_lag_s)
+        settle_m = max(s.length_m, 4.0 * s.yaw_lag_s * self._speed_m_s)
+        heading = self._heading_rad - swung_rad
+        v, w = follow(reference, north, east, heading, lead_s=s.speed_lag_s, settle_m=settle_m)
         if reference.speed_m_s <= 0.0:
             # Without way the law has no authority over heading; an anchored boat still swings.
             w = 0.5 * math.remainder(reference.heading_rad + swung_rad - self._heading_rad, math.tau)

@@ -17,6 +17,7 @@ from sitl_stub.carriers.wobble import Wobble
 from sitl_stub.section import NonNegative, Positive, Section
 
 _WOBBLE_TIME_S = 2.0
+_PREVIEW_S = 0.8
 
 
 class TruckSettings(Section, frozen=True, tag_field="kind", tag="truck"):
@@ -82,7 +83,9 @@ class Truck:
     def _drive(self, t_s: float) -> None:
         s = self._settings
         reference = self._path.at(t_s)
-        wanted_v, wanted_w = follow(reference, self._north_m, self._east_m, self._heading_rad, s.speed_lag_s)
+        here = (self._north_m, self._east_m, self._heading_rad)
+        settle_m = max(1.5 * s.wheelbase_m, _PREVIEW_S * self._speed_m_s)
+        wanted_v, wanted_w = follow(reference, *here, lead_s=s.speed_lag_s, settle_m=settle_m)
         rolling = reference.speed_m_s > 0.0
         wanted_v += self._speed_wobble.advance() if rolling else 0.0
         self._speed_m_s = self._accelerated(min(wanted_v, s.max_speed_m_s))
