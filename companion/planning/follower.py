@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from companion.config import Planning
-from companion.geometry import ZERO, add, horizontal_norm, norm, subtract
+from companion.geometry import ZERO, norm, subtract
 from companion.messages import PlanMade, Vec3
-from companion.planning.limits import Limits, limits_from_config
-from companion.planning.request import NoPlan, Plan, Planner, PlanRequest, plan_made
+from companion.planning.limits import limits_from_config
+from companion.planning.request import NoPlan, Plan, Planner, PlanRequest, admitting_start, plan_made
 
 RESTART_ERROR_M = 1.0
 """Further from its reference than this, the vehicle is not following: plan from where it is."""
@@ -23,9 +23,6 @@ SETTLED_S = 1.0
 
 PAD_CHANGED_M_S, PAD_CHANGED_M_S2 = 0.7, 1.0
 """The pad moves differently by this much from what the limits of the running plan were proven for: plan again."""
-
-OVERSHOOT = 1.05
-"""A start state that is faster than a limit widens that limit by this factor: slowing down is what the plan is for."""
 
 RAMP_AHEAD_M = 0.25
 """The ramp's reference runs at most this far below the vehicle, so that a vehicle on the deck is not pushed ever harder."""
@@ -122,20 +119,21 @@ class ReferenceFollower:
 
     def _replan(self, request: FollowRequest) -> PlanMade:
         position, velocity, acceleration = self._start(request)
-        limits = _limits(self._limits, request, velocity)
-        result = self._planner.plan(
-            PlanRequest(
-                t_ns=request.t_ns,
-                position_m=position,
-                velocity_m_s=velocity,
-                acceleration_m_s2=acceleration,
-                limits=limits,
-                goal_position_m=request.goal_position_m,
-                goal_velocity_m_s=request.goal_velocity_m_s,
-                pad_velocity_m_s=request.pad_velocity_m_s,
-                pad_acceleration_m_s2=request.pad_acceleration_m_s2,
-            )
+        limits = self._limits
+        if request.max_descent_m_s is not None:
+            limits = replace(limits, max_descent_m_s=min(limits.max_descent_m_s, request.max_descent_m_s))
+        wanted = PlanRequest(
+            t_ns=request.t_ns,
+            position_m=position,
+            velocity_m_s=velocity,
+            acceleration_m_s2=acceleration,
+            limits=limits,
+            goal_position_m=request.goal_position_m,
+            goal_velocity_m_s=request.goal_velocity_m_s,
+            pad_velocity_m_s=request.pad_velocity_m_s,
+            pad_acceleration_m_s2=request.pad_acceleration_m_s2,
         )
+        result = self._planner.plan(admitting_start(wanted))
         self._made_for = request
         if not isinstance(result, NoPlan):
             self._plan = result
@@ -150,21 +148,6 @@ class ReferenceFollower:
         if self._last is not None and norm(subtract(self._last[1][0], request.position_m)) <= RESTART_ERROR_M:
             return self._last[1]
         return (request.position_m, request.velocity_m_s, ZERO)
-
-
-def _limits(limits: Limits, request: FollowRequest, velocity: Vec3) -> Limits:
-    """The configured limits, a slower descent where the goal asks for it, and room for a start that is too fast."""
-    descent = limits.max_descent_m_s
-    if request.max_descent_m_s is not None:
-        descent = min(descent, request.max_descent_m_s)
-    total = add(velocity, request.pad_velocity_m_s)
-    return replace(
-        limits,
-        max_descent_m_s=max(descent, OVERSHOOT * total[2]),
-        max_climb_m_s=max(limits.max_climb_m_s, -OVERSHOOT * total[2]),
-        relative_speed_m_s=max(limits.relative_speed_m_s, OVERSHOOT * horizontal_norm(velocity)),
-        max_speed_m_s=max(limits.max_speed_m_s, OVERSHOOT * horizontal_norm(total)),
-    )
 
 
 def _pad_changed(made_for: FollowRequest, request: FollowRequest) -> bool:
