@@ -8,10 +8,10 @@ B, rad/s. Pure functions; called by cascade.py at 250 Hz.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import acos, asin, cos, radians, sin
+from math import atan2, cos, radians, sin, sqrt
 from typing import NamedTuple
 
-from sitl_stub.rotation import Quaternion, Vec3, between, inverse, multiply, z_axis
+from sitl_stub.rotation import Quaternion, Vec3, multiply
 
 
 class AttitudeGains(NamedTuple):
@@ -40,31 +40,35 @@ def attitude_gains(parameters: Mapping[str, float | int]) -> AttitudeGains:
     )
 
 
-def _weaken_yaw(q: Quaternion, qd: Quaternion, weight: float) -> Quaternion:
-    """Desired attitude with full tilt and a part of the turn about B z."""
-    ex, ey, ez = z_axis(q)
-    dx, dy, dz = z_axis(qd)
-    tilt = between((ex, ey, ez), (dx, dy, dz))
-    if abs(tilt[1]) > 1.0 - 1e-5 or abs(tilt[2]) > 1.0 - 1e-5:
-        return qd
-    reduced = multiply(tilt, q)
-    w, _, _, z = multiply(inverse(reduced), qd)
+def _error(q: Quaternion, qd: Quaternion, weight: float) -> Quaternion:
+    """Turn in B from q to a desired attitude with full tilt and a part of the turn about B z.
+
+    The whole error is a turn about B z followed by the shortest tilt; their half angles are read off its components.
+    """
+    w, x, y, z = multiply((q[0], -q[1], -q[2], -q[3]), qd)
     if w < 0.0:
-        w, z = -w, -z
-    w, z = min(max(w, -1.0), 1.0), min(max(z, -1.0), 1.0)
-    return multiply(reduced, (cos(weight * acos(w)), 0.0, 0.0, sin(weight * asin(z))))
+        w, x, y, z = -w, -x, -y, -z
+    cosine = sqrt(w * w + z * z)
+    if cosine < 1e-5:
+        return w, x, y, z
+    # Of the tilt's axis, what is left after taking the turn (w, z) / cosine out.
+    cw, sw = w / cosine, z / cosine
+    tx, ty = x * cw - y * sw, x * sw + y * cw
+    half = weight * atan2(sw, cw)
+    c, s = cos(half), sin(half)
+    return cosine * c, tx * c + ty * s, ty * c - tx * s, cosine * s
 
 
 def control_attitude(q: Quaternion, qd: Quaternion, yaw_rate: float, gains: AttitudeGains) -> Vec3:
     """Body rates that take the vehicle from q towards qd, limited by MC_*RATE_MAX."""
-    ew, ex, ey, ez = multiply(inverse(q), _weaken_yaw(q, qd, gains.yaw_weight))
-    two = 2.0 if ew >= 0.0 else -2.0
-    # Down, seen from B, times the commanded heading rate.
-    w, x, y, z = q
-    dx, dy, dz = 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), w * w - x * x - y * y + z * z
-    p = two * ex * gains.roll + dx * yaw_rate
-    r = two * ez * gains.yaw + dz * yaw_rate
-    t = two * ey * gains.pitch + dy * yaw_rate
+    _, ex, ey, ez = _error(q, qd, gains.yaw_weight)
+    p, t, r = 2.0 * ex * gains.roll, 2.0 * ey * gains.pitch, 2.0 * ez * gains.yaw
+    if yaw_rate != 0.0:
+        # Down, seen from B, times the commanded heading rate.
+        w, x, y, z = q
+        p += 2.0 * (x * z - w * y) * yaw_rate
+        t += 2.0 * (y * z + w * x) * yaw_rate
+        r += (w * w - x * x - y * y + z * z) * yaw_rate
     return (
         min(max(p, -gains.roll_rate_max), gains.roll_rate_max),
         min(max(t, -gains.pitch_rate_max), gains.pitch_rate_max),

@@ -91,6 +91,7 @@ class Cascade:
         self._speed_xy, self._climb, self._descent = (
             float(p[name]) for name in ("MPC_XY_VEL_MAX", "MPC_Z_VEL_MAX_UP", "MPC_Z_VEL_MAX_DN")
         )
+        self._tilt_flying, self._tilt_landing = tilt_limit_rad(p, True), tilt_limit_rad(p, False)
         self._thrust_min, self._thrust_max = float(p["MPC_THR_MIN"]), float(p["MPC_THR_MAX"])
         self._land_speed = max(float(p["MPC_LAND_SPEED"]), 1e-3)
         self._uses_estimator = bool(p["MPC_USE_HTE"])
@@ -113,6 +114,7 @@ class Cascade:
         self.is_holding_invalid_setpoint = False
         self.hover_thrust_estimator.reset()
         self._saturated: Vec3 = _ZERO
+        self._asked: tuple[TrajectorySetpoint, Motion] | None = None
         self._last_velocity: Vec3 | None = None
         self._velocity_derivative: Vec3 = _ZERO
         self._since_position_us = POSITION_PERIOD_US
@@ -223,7 +225,7 @@ class Cascade:
         self._last_velocity = estimate.velocity_ned_m_s
 
     def _limits(self, dt_s: float, constraints: FlightConstraints) -> PositionLimits:
-        wanted = tilt_limit_rad(self._parameters, constraints.is_flying)
+        wanted = self._tilt_flying if constraints.is_flying else self._tilt_landing
         step = _TILT_SLEW_RAD_S * dt_s
         self.tilt_limit_rad += min(max(wanted - self.tilt_limit_rad, -step), step)
         speed, climb, descent = (
@@ -265,7 +267,7 @@ class Cascade:
     ) -> None:
         at = self._state(estimate, setpoint)
         limits = self._limits(dt_s, constraints)
-        sp = Motion(*setpoint.position_ned_m, *setpoint.velocity_ned_m_s, *setpoint.acceleration_ned_m_s2)
+        sp = self._flat(setpoint)
         yaw, yaw_rate = setpoint.yaw_rad, setpoint.yaw_rate_rad_s
         if not constraints.is_flying:
             sp = sp._replace(az=nan)
@@ -283,6 +285,13 @@ class Cascade:
             self._invalid_for_s = 0.0
             self.is_holding_invalid_setpoint = False
         self._run(dt_s, sp, at, limits, yaw if isfinite(yaw) else estimate.yaw_rad, yaw_rate)
+
+    def _flat(self, setpoint: TrajectorySetpoint) -> Motion:
+        """The setpoint as the position loop takes it; kept, since a setpoint is flown many times."""
+        if self._asked is None or self._asked[0] is not setpoint:
+            flat = Motion(*setpoint.position_ned_m, *setpoint.velocity_ned_m_s, *setpoint.acceleration_ned_m_s2)
+            self._asked = (setpoint, flat)
+        return self._asked[1]
 
     def _hold_instead(self, dt_s: float, at: Motion) -> Motion | None:
         """PX4's answer to a setpoint it cannot fly: after 0.2 s brake and stay, or come down when it cannot."""

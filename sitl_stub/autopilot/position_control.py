@@ -98,15 +98,12 @@ def position_gains(parameters: Mapping[str, float | int]) -> PositionGains:
 
 def is_flyable(setpoint: Motion, state: Motion) -> bool:
     """PX4's check: every axis controlled somehow, x and y in pairs, and an estimate for what is controlled."""
-    for i in range(3):
-        if not (isfinite(setpoint[i]) or isfinite(setpoint[i + 3]) or isfinite(setpoint[i + 6])):
-            return False
-        if isfinite(setpoint[i]) and not isfinite(state[i]):
-            return False
-        if isfinite(setpoint[i + 3]) and not isfinite(state[i + 3]):
-            return False
-    pairs = (0, 3, 6)
-    return all(isfinite(setpoint[i]) == isfinite(setpoint[i + 1]) for i in pairs)
+    x, y, z, vx, vy, vz, ax, ay, az = (isfinite(value) for value in setpoint)
+    if x != y or vx != vy or ax != ay or not ((x or vx or ax) and (z or vz or az)):
+        return False
+    has_place = (not x or isfinite(state.x + state.y)) and (not z or isfinite(state.z))
+    has_speed = (not vx or isfinite(state.vx + state.vy)) and (not vz or isfinite(state.vz))
+    return has_place and has_speed
 
 
 def constrain_xy(x0: float, y0: float, x1: float, y1: float, limit: float) -> tuple[float, float]:

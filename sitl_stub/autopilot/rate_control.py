@@ -56,13 +56,14 @@ def rate_gains(parameters: Mapping[str, float | int]) -> RateGains:
 
 
 def _integrate(integral: float, error: float, gain: float, limit: float, saturated: float, dt: float) -> float:
-    if saturated > 0.0:
-        error = min(error, 0.0)
-    elif saturated < 0.0:
-        error = max(error, 0.0)
+    if saturated != 0.0 and error * saturated > 0.0:
+        return integral
     weak = error / _WEAKEN_RAD_S
-    integral += max(0.0, 1.0 - weak * weak) * gain * error * dt
-    return min(max(integral, -limit), limit)
+    part = 1.0 - weak * weak
+    if part <= 0.0:
+        return integral
+    integral += part * gain * error * dt
+    return limit if integral > limit else -limit if integral < -limit else integral
 
 
 def control_rates(
@@ -76,17 +77,17 @@ def control_rates(
     dt: float,
 ) -> tuple[Vec3, RateState]:
     """Normalised torques and the new state. `saturated` holds the sign of the torque the mixer could not give, per axis."""
-    e0, e1, e2 = demand[0] - rates[0], demand[1] - rates[1], demand[2] - rates[2]
-    p, i, d, ff, most = gains.p, gains.i, gains.d, gains.feed_forward, gains.integral_max
-    roll = p[0] * e0 + state.roll - d[0] * acceleration[0] + ff[0] * demand[0]
-    pitch = p[1] * e1 + state.pitch - d[1] * acceleration[1] + ff[1] * demand[1]
-    yaw = p[2] * e2 + state.yaw - d[2] * acceleration[2] + ff[2] * demand[2]
-    yaw = state.yaw_torque + dt / (dt + gains.yaw_torque_time_constant) * (yaw - state.yaw_torque)
-    if landed:
-        return (roll, pitch, yaw), RateState(state.roll, state.pitch, state.yaw, yaw)
-    return (roll, pitch, yaw), RateState(
-        _integrate(state.roll, e0, i[0], most[0], saturated[0], dt),
-        _integrate(state.pitch, e1, i[1], most[1], saturated[1], dt),
-        _integrate(state.yaw, e2, i[2], most[2], saturated[2], dt),
-        yaw,
-    )
+    (p0, p1, p2), (d0, d1, d2), (f0, f1, f2) = gains.p, gains.d, gains.feed_forward
+    (s0, s1, s2), (a0, a1, a2) = demand, acceleration
+    e0, e1, e2 = s0 - rates[0], s1 - rates[1], s2 - rates[2]
+    i0, i1, i2, yaw_torque = state
+    roll = p0 * e0 + i0 - d0 * a0 + f0 * s0
+    pitch = p1 * e1 + i1 - d1 * a1 + f1 * s1
+    yaw = p2 * e2 + i2 - d2 * a2 + f2 * s2
+    yaw_torque += dt / (dt + gains.yaw_torque_time_constant) * (yaw - yaw_torque)
+    if not landed:
+        g, most = gains.i, gains.integral_max
+        i0 = _integrate(i0, e0, g[0], most[0], saturated[0], dt)
+        i1 = _integrate(i1, e1, g[1], most[1], saturated[1], dt)
+        i2 = _integrate(i2, e2, g[2], most[2], saturated[2], dt)
+    return (roll, pitch, yaw_torque), RateState(i0, i1, i2, yaw_torque)
