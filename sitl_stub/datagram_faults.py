@@ -86,6 +86,8 @@ class DatagramChannel:
 
 def corrupted(datagram: Datagram, rng: np.random.Generator) -> Datagram:
     """The same bytes but for one, which is certainly different."""
+    if not datagram.data:
+        return datagram
     data = bytearray(datagram.data)
     place = int(rng.integers(len(data)))
     data[place] ^= int(rng.integers(1, 256))

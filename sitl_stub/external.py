@@ -6,7 +6,7 @@ boot clock by TIMESYNC, sends the range sensor as DISTANCE_SENSOR and the beacon
 the application's link. Nothing is simulated of the vehicle, and nothing touches: no contact, no verdict but the time.
 
 Sans-IO like World, and with the same surface, so that server.py drives either. W has its origin on the ground below the
-vehicle's first pose. Time is the autopilot's boot clock as soon as it is known.
+vehicle's first pose: where it stands if it is disarmed then, else at the scenario's altitude. Time is the autopilot's boot clock as soon as it is known.
 """
 
 from __future__ import annotations
@@ -54,6 +54,7 @@ _POSE_STALE_US = 500_000
 _GROUND_STATION, _NO_AUTOPILOT, _ACTIVE = 6, 8, 4
 _SET_MESSAGE_INTERVAL = 511
 _ROTATION_DOWN = 25
+_LEGS_M = 0.15
 _NOT_SEEN = (0.0, 0.0, 0.0)
 # TIMESYNC answers that took longer than this say little about the clock.
 _LARGEST_ROUND_TRIP_US = 20_000
@@ -169,8 +170,9 @@ class ExternalWorld:
         values = [float(value) for value in frame.values()]
         _, w, x, y, z, p, q, r, lat, lon, alt, vx, vy, vz = values[:14]
         if self.origin is None:
-            legs_m = 0.15
-            self.origin = Origin(lat * 1e-7, lon * 1e-7, alt * 1e-3 - legs_m)
+            # Disarmed, it stands on the ground; armed, it may be anywhere above the ground of the scenario.
+            ground_m = self.scenario.place.altitude_m if self._armed else alt * 1e-3 - _LEGS_M
+            self.origin = Origin(lat * 1e-7, lon * 1e-7, ground_m)
         north, east = self.origin.to_local(lat * 1e-7, lon * 1e-7)
         self.pose = TruePose(
             self.t_us,

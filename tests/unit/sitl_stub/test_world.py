@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import Any
 
@@ -171,7 +172,7 @@ def test_frames_come_at_their_rate_and_late_by_their_delay() -> None:
         assert 80_000 <= handed_out_us - frame.t_capture_us < 84_000
     sequences = [frame.sequence for _, frame in frames]
     assert sequences == list(range(len(frames)))
-    periods = [b[1].t_capture_us - a[1].t_capture_us for a, b in zip(frames, frames[1:], strict=False)]
+    periods = [b[1].t_capture_us - a[1].t_capture_us for a, b in itertools.pairwise(frames)]
     assert all(33_332 <= period <= 33_335 for period in periods)
 
 
