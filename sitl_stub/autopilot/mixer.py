@@ -25,7 +25,8 @@ _EPSILON = 1e-6
 def _relief(column: Motors, motors: Motors, top: float) -> float:
     """How much of the column brings the motors nearest to 0..top."""
     least = most = 0.0
-    for weight, motor in zip(column, motors, strict=True):
+    for i in range(4):
+        weight, motor = column[i], motors[i]
         if motor < 0.0:
             k = -motor / weight
         elif motor > top:
@@ -69,10 +70,17 @@ def _mix_saturated(motors: Motors, torque: Vec3) -> tuple[Motors, Vec3]:
     motors = _add(motors, _YAW, torque[2])
     motors = _desaturate(motors, _YAW, top=1.0 + _YAW_MARGIN)
     motors = _desaturate(motors, _LESS_THRUST, only_positive=True)
-    a, b, c, d = (min(max(motor, 0.0), 1.0) for motor in motors)
-    given = (0.5 * _HALF * (b + c - a - d), 0.5 * _HALF * (a + c - b - d), 0.25 * (a + b - c - d))
-    signs = tuple(_sign(asked - got) for asked, got in zip(torque, given, strict=True))
-    return (a, b, c, d), (signs[0], signs[1], signs[2])
+    a, b, c, d = _clip(motors[0]), _clip(motors[1]), _clip(motors[2]), _clip(motors[3])
+    missing = (
+        _sign(torque[0] - 0.5 * _HALF * (b + c - a - d)),
+        _sign(torque[1] - 0.5 * _HALF * (a + c - b - d)),
+        _sign(torque[2] - 0.25 * (a + b - c - d)),
+    )
+    return (a, b, c, d), missing
+
+
+def _clip(motor: float) -> float:
+    return min(max(motor, 0.0), 1.0)
 
 
 def _sign(missing: float) -> float:
