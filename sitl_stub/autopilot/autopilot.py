@@ -198,6 +198,7 @@ class Autopilot:
             return
         if mode not in _SWITCH_MODES:
             raise ValueError(f"pilot mode {mode!r}: must be one of {', '.join(_SWITCH_MODES)}")
+        self.manual_control.note_rest()
         self.commander.learn_health(self._refresh_health(self._t_us))
         self.commander.request_mode(_SWITCH_MODES[mode])
 
