@@ -177,13 +177,21 @@ def test_a_vehicle_beside_a_moving_deck_is_struck_by_its_side_and_pushed() -> No
     assert in_pad(body, deck.at(2.0))[0] > 0.75
 
 
-def test_nothing_is_near_high_above_and_the_ground_is_near_low_down() -> None:
+def test_clearance_is_never_more_than_the_true_distance_and_is_large_high_above() -> None:
     contact, deck = make_contact(), still_deck()
     x, y, _ = deck.at(0.0).position_ned_m
-    assert not contact.is_near((0.0, 0.0, -10.0), deck.at(0.0))
-    assert not contact.is_near((x + 5.0, y, -0.6), deck.at(0.0))
-    assert contact.is_near((x, y, -0.7), deck.at(0.0))
-    assert contact.is_near((x + 5.0, y, -0.2), deck.at(0.0))
+    assert contact.clearance_m((0.0, 0.0, -10.0), deck.at(0.0)) > 9.0
+    assert contact.clearance_m((x + 5.0, y, -0.6), deck.at(0.0)) > 0.2
+    assert contact.clearance_m((x, y, -DECK_M - LEG_M - 0.01), deck.at(0.0)) <= 0.01
+    assert contact.clearance_m((x + 5.0, y, -LEG_M), deck.at(0.0)) <= 0.0
+
+
+def test_the_gap_under_the_lowest_foot_is_measured_to_the_deck_or_the_ground() -> None:
+    contact, deck = make_contact(), still_deck()
+    for forward, gap in ((0.0, 0.2), (3.0, 0.2 + DECK_M)):
+        body = standing_on(deck.at(0.0), forward=forward, gap=0.2)
+        contact.step(body.position, body.velocity, body.q, body.rates, deck.at(0.0))
+        assert contact.state.gap_m == pytest.approx(gap)
 
 
 def test_a_tilting_deck_lets_a_vehicle_slide_when_it_is_steeper_than_friction_holds() -> None:
