@@ -18,6 +18,7 @@ from pymavlink.dialects.v20 import common
 
 from sitl_stub import scenario as scenarios
 from sitl_stub.cli import run
+from sitl_stub.external import ExternalWorld
 from sitl_stub.scenario import Scenario
 from sitl_stub.server import Server, ServerOptions, Status
 from sitl_stub.server_link import LinkOptions
@@ -253,3 +254,24 @@ def test_a_wrong_argument_is_said_and_is_exit_status_2(
 ) -> None:
     assert run(arguments) == 2
     assert says in capsys.readouterr().err
+
+
+def test_a_pad_for_a_foreign_vehicle_works_over_sockets() -> None:
+    async def scene() -> None:
+        pad_options = ServerOptions(links=(LinkOptions("ground", 0, 9),), camera_port=0)
+        pad = Server(ExternalWorld(small(), 1), ["down"], pad_options, lambda status: None)
+        await pad.open()
+        bare = scenarios.with_overrides(scenarios.load("static"), {"cameras": {}, "beacon.fitted": False})
+        vehicle_options = ServerOptions(links=(LinkOptions("ground", 0, pad.links["ground"].port),), camera_port=0)
+        vehicle = Server(World(bare, 1, render=False), [], vehicle_options, lambda status: None)
+        await vehicle.open()
+        tasks = [asyncio.create_task(server.run()) for server in (pad, vehicle)]
+        reader, writer, _ = await open_camera(pad.camera_port)
+        headers, _ = await asyncio.wait_for(read_part(reader), 10.0)
+        assert int(headers["x-capture-time-boot-us"]) > 0
+        writer.close()
+        for server in (pad, vehicle):
+            server.stop()
+        await asyncio.gather(*tasks)
+
+    asyncio.run(scene())
