@@ -16,6 +16,8 @@ from companion.estimation.motion import SHARED, VX, VY, Motion, MotionModel, X, 
 
 LEAST_SHARE = 1e-3
 """Contributions below this are left out of a mixture: they cost as much as the large ones."""
+LEAST_TO_LOOK_AHEAD = 0.02
+"""A prediction that is only looked at does without models less probable than this."""
 LEAST_PROBABILITY = 1e-3
 """No model is ever given up: the pad may start to turn at any time."""
 
@@ -62,6 +64,15 @@ def _extended(model: MotionModel, shared: Mixture) -> tuple[list[float], list[fl
 
 def copied(members: Sequence[Member]) -> list[Member]:
     return [member.copied() for member in members]
+
+
+def likely(members: Sequence[Member]) -> list[Member]:
+    """The members that something speaks for, their probabilities summing up to one again."""
+    kept = [member for member in members if member.probability >= LEAST_TO_LOOK_AHEAD]
+    total = sum(member.probability for member in kept)
+    for member in kept:
+        member.probability /= total
+    return kept
 
 
 def predict(members: Sequence[Member], dt_s: float) -> None:

@@ -71,13 +71,21 @@ class BankTrack:
     roll_rad: float = 0.0
     pitch_rad: float = 0.0
 
-    def advance(self, t_ns: int, *, mixing: bool = True) -> None:
-        """Predict to `t_ns`, not before the track's time."""
+    def advance(self, t_ns: int) -> None:
+        """Predict to `t_ns`, not before the track's time, and let the models exchange what they know when it is due."""
         dt_s = (t_ns - self.t_ns) / NS
-        if dt_s <= 0.0:
-            return
-        if mixing:
+        if dt_s > 0.0:
             _mix_when_due(self, dt_s)
+            self._predict(t_ns, dt_s)
+
+    def look_ahead(self, t_ns: int) -> None:
+        """Predict without exchange; models that nearly nothing speaks for are left out."""
+        dt_s = (t_ns - self.t_ns) / NS
+        if dt_s > 0.0:
+            self.members = bank.likely(self.members)
+            self._predict(t_ns, dt_s)
+
+    def _predict(self, t_ns: int, dt_s: float) -> None:
         bank.predict(self.members, dt_s)
         self.settings.vertical.predict(self.height, dt_s)
         if self.yaw is not None:

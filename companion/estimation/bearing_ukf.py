@@ -166,7 +166,10 @@ class BearingTrack:
             self.vision_ns, self.height_gate.copied(),
         )  # fmt: skip
 
-    def advance(self, t_ns: int, *, mixing: bool = True) -> None:
+    def look_ahead(self, t_ns: int) -> None:
+        self.advance(t_ns)
+
+    def advance(self, t_ns: int) -> None:
         dt_s = (t_ns - self.t_ns) / NS
         if dt_s > 0.0:
             predict_constant_velocity(self.x, self.P, dt_s, self.settings.acceleration_psd)

@@ -27,8 +27,11 @@ class Track(Protocol):
 
     def copied(self) -> Self: ...
 
-    def advance(self, t_ns: int, *, mixing: bool = True) -> None:
-        """Predict to `t_ns`. `mixing` (exchange between the models of a bank) belongs to measurements, not to a look ahead."""
+    def advance(self, t_ns: int) -> None:
+        """Predict to `t_ns` in order to fuse a measurement there."""
+
+    def look_ahead(self, t_ns: int) -> None:
+        """Predict to `t_ns` in order to look: a bank then does without exchange between its models."""
 
     def fuse(self, m: PadMeasurement) -> MeasurementVerdict:
         """Fuse a measurement of the track's own time."""
@@ -66,10 +69,16 @@ class PadFilter:
         self._lost_ns = int(lost_after_s * NS)
         self._history: list[Fused] = []
         self._coasting: Track | None = None
+        self._answers: dict[int, PadEstimate] = {}
 
     def reset(self) -> None:
         self._history.clear()
+        self._forget_answers()
+
+    def _forget_answers(self) -> None:
+        """What was predicted holds until the next measurement."""
         self._coasting = None
+        self._answers.clear()
 
     def observe(self, measurement: PadMeasurement) -> MeasurementVerdict:
         """Fuse at the time of capture, whatever the order of arrival."""
@@ -93,12 +102,16 @@ class PadFilter:
 
     def estimate(self, t_ns: int) -> PadEstimate | None:
         """The pad at `t_ns`, past (within the history), now or ahead; None before the first sight and when long lost."""
+        if t_ns in self._answers:
+            return self._answers[t_ns]
         track = self._track_before(t_ns)
         if track is None or t_ns - self._history[-1].t_ns > self._lost_ns:
             return None
         track = track.copied()
-        track.advance(t_ns, mixing=False)
-        return track.estimate(self._name)
+        track.look_ahead(t_ns)
+        estimate = track.estimate(self._name)
+        self._answers[t_ns] = estimate
+        return estimate
 
     def _begin(self, m: PadMeasurement) -> MeasurementVerdict:
         track = self._start(m)
@@ -115,7 +128,7 @@ class PadFilter:
 
     def _put(self, index: int, t_ns: int, m: PadMeasurement | None, velocity_step: Vec3) -> MeasurementVerdict | None:
         """Put a new entry at `index` of the history and work all later ones in again."""
-        self._coasting = None
+        self._forget_answers()
         later = self._history[index:]
         del self._history[index:]
         verdict = self._append(t_ns, m, velocity_step)
@@ -155,6 +168,6 @@ class PadFilter:
         if track is None or track.t_ns > until_ns:
             track = newest.copied()
         while track.t_ns < until_ns:
-            track.advance(track.t_ns + COAST_STEP_NS, mixing=False)
+            track.look_ahead(track.t_ns + COAST_STEP_NS)
         self._coasting = track
         return track

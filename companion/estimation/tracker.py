@@ -41,6 +41,10 @@ from companion.messages import (
     VehicleState,
 )
 
+RECENT_NS = 100_000_000
+SEEN_S = 0.2
+"""While vision is younger than this the range sensor adds nothing to the height that vision gives."""
+
 PadSight = PadObservation | PadBearing | PadBeacon | RangeMeasurement
 SOURCES: dict[type, ObservationSource] = {
     PadObservation: ObservationSource.VISION_POSE,
@@ -70,6 +74,7 @@ class PadTracker:
             velocity_m_s=config.vehicle_velocity_sigma_m_s,
         )
         self._estimator = estimator
+        self._recent: PadEstimate | None = None
         self.history = VehicleHistory(config.history_s)
 
     def add_vehicle_state(self, state: VehicleState) -> VehicleReset | None:
@@ -95,11 +100,16 @@ class PadTracker:
         """The pad in W at `t_ns`, now or ahead."""
         estimate = self._estimator.estimate(t_ns)
         vehicle = self.history.latest
-        return None if estimate is None or vehicle is None else moved(estimate, vehicle.offset_m)
+        if estimate is None or vehicle is None:
+            return None
+        if t_ns <= vehicle.t_ns + RECENT_NS:
+            self._recent = estimate
+        return moved(estimate, vehicle.offset_m)
 
     def reset(self) -> None:
         """Forget the pad, not the vehicle."""
         self._estimator.reset()
+        self._recent = None
 
     def _measurement(
         self, message: PadObservation | PadBearing | PadBeacon, vehicle: VehiclePose
@@ -115,14 +125,21 @@ class PadTracker:
         return measurement_from_observation(message, vehicle, mount, self._errors)
 
     def _observe_range(self, message: RangeMeasurement, vehicle: VehiclePose) -> MeasurementVerdict | None:
-        """The range sensor tells of the deck only while the vehicle is surely above it."""
+        """The range sensor tells of the deck only while the vehicle is surely above it, and is needed where vision is not."""
         distance = message.distance_m
         if distance is None or not message.min_distance_m <= distance <= message.max_distance_m:
             return None
-        estimate = self._estimator.estimate(message.t_ns)
-        if estimate is None or not self._is_above(estimate, vehicle):
+        estimate = self._recent_estimate(message.t_ns)
+        if estimate is None or _is_seen(estimate) or not self._is_above(estimate, vehicle):
             return None
         return self._estimator.observe(measurement_from_range(message.t_ns, distance, vehicle))
+
+    def _recent_estimate(self, t_ns: int) -> PadEstimate | None:
+        """The last one asked for, where that is not long ago: enough to know whether the vehicle is above the deck."""
+        recent = self._recent
+        if recent is not None and abs(t_ns - recent.t_ns) <= RECENT_NS:
+            return recent
+        return self._estimator.estimate(t_ns)
 
     def _is_above(self, estimate: PadEstimate, vehicle: VehiclePose) -> bool:
         offset = math.hypot(
@@ -130,6 +147,10 @@ class PadTracker:
         )
         half = 0.5 * min(self._pad.length_m, self._pad.width_m)
         return offset + 2.0 * estimate.position_sigma_m < half
+
+
+def _is_seen(estimate: PadEstimate) -> bool:
+    return estimate.vision_age_s is not None and estimate.vision_age_s < SEEN_S
 
 
 def _refused(message: PadSight, reason: str) -> MeasurementVerdict:

@@ -103,7 +103,10 @@ class UnicycleTrack:
             self.vision_ns, self.beacon_ns,
         )  # fmt: skip
 
-    def advance(self, t_ns: int, *, mixing: bool = True) -> None:
+    def look_ahead(self, t_ns: int) -> None:
+        self.advance(t_ns)
+
+    def advance(self, t_ns: int) -> None:
         dt_s, s = (t_ns - self.t_ns) / NS, self.settings
         if dt_s <= 0.0:
             return

@@ -102,17 +102,20 @@ def test_range_over_the_ground_beside_the_pad_is_not_taken_for_the_deck() -> Non
     assert flown(2.0).observe(range_reading(1.96, 5.0)) is None
 
 
-def test_range_over_the_deck_is_fused() -> None:
+def test_range_over_the_deck_is_fused_once_vision_is_gone() -> None:
     result = tracker()
     for k in range(100):
         result.add_vehicle_state(vehicle(0.02 * k))
         if k % 2 and k > 3:
             t_ns = round(0.02 * (k - 2) * 1e9)
             result.observe(PadObservation(t_ns, "down", "test", (0.0, 0.0, 4.5), NOISE))
-    verdict = result.observe(range_reading(1.97, 4.5))
+    assert result.observe(range_reading(1.97, 4.5)) is None
+    for k in range(100, 120):
+        result.add_vehicle_state(vehicle(0.02 * k))
+    verdict = result.observe(range_reading(2.37, 4.5))
     assert verdict is not None
     assert (verdict.source, verdict.accepted) == (ObservationSource.RANGE, True)
-    assert result.observe(range_reading(1.97, None)) is None
+    assert result.observe(range_reading(2.37, None)) is None
 
 
 def test_a_bearing_alone_keeps_the_track() -> None:
