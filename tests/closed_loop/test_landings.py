@@ -1,0 +1,130 @@
+"""Whole landings in lockstep with the simulator: MAVLink bytes, rendered images, the wind, and faults. Seeds are listed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import pytest
+
+from companion.campaign.runner import FlightResult, Operator, fly
+from companion.config import Config
+from companion.messages import (
+    AutopilotMode,
+    CommandKind,
+    OperatorAction,
+    Phase,
+    PhaseChanged,
+    VehicleCommand,
+    VehicleStatus,
+)
+from companion.messages import VelocitySetpoint as Setpoint
+from companion.onboard import JournalEntry
+from sitl_stub.scenario import load, with_overrides
+from sitl_stub.world import Truth
+
+pytestmark = pytest.mark.timeout(300)
+
+
+@dataclass
+class Witness:
+    """Keeps what the checks look at."""
+
+    entries: list[JournalEntry] = field(default_factory=list)
+    last_truth: Truth | None = None
+
+    def datagram(self, now_ns: int, data: bytes, *, outgoing: bool) -> None:
+        pass
+
+    def journal(self, entries: Any) -> None:
+        self.entries += [
+            e for e in entries if isinstance(e.message, Setpoint | VehicleCommand | PhaseChanged | VehicleStatus)
+        ]
+
+    def truth(self, now_ns: int, truth: Truth) -> None:
+        self.last_truth = truth
+
+    def close(self) -> None:
+        pass
+
+    def of(self, kind: type) -> list[Any]:
+        return [entry.message for entry in self.entries if isinstance(entry.message, kind)]
+
+
+def flown(
+    scenario: str, seed: int, *, world: dict[str, Any] | None = None, operator: Operator | None = None
+) -> tuple[FlightResult, Witness]:
+    witness = Witness()
+    loaded = with_overrides(load(scenario), world or {})
+    return fly(loaded, Config(), seed=seed, sinks=(witness,), operator=operator), witness
+
+
+def assert_landed(result: FlightResult, *, error_m: float) -> None:
+    assert result.outcome == "landed", result
+    assert result.verdict.touchdown_error_m is not None
+    assert result.verdict.touchdown_error_m <= error_m, result.verdict
+    assert not result.verdict.forced_disarm_in_air
+
+
+@pytest.mark.parametrize(("scenario", "seed"), [("line", 1), ("circle", 3), ("figure8", 2)])
+def test_the_vehicle_lands_on_a_pad_at_walking_pace(scenario: str, seed: int) -> None:
+    result, _ = flown(scenario, seed)
+    assert_landed(result, error_m=0.3)
+
+
+def test_it_takes_off_from_the_ground_first_when_it_stands_there() -> None:
+    result, witness = flown("takeoff", 1)
+    assert_landed(result, error_m=0.3)
+    kinds = [command.kind for command in witness.of(VehicleCommand)]
+    assert CommandKind.ARM in kinds
+    assert CommandKind.TAKEOFF in kinds
+
+
+def test_markers_hidden_for_two_seconds_in_the_descent_do_not_spoil_the_landing() -> None:
+    result, _ = flown("marker_hidden", 1)
+    assert_landed(result, error_m=0.3)
+
+
+def test_a_link_cut_for_three_seconds_leaves_the_vehicle_to_the_autopilots_failsafe() -> None:
+    cut = {"faults": [{"kind": "datagram_loss", "start_s": 12.0, "duration_s": 3.0}], "duration_limit_s": 30.0}
+    result, witness = flown("line", 1, world=cut)
+    assert result.outcome == "held", result
+    assert result.phase is Phase.IDLE
+    modes = [status.mode for status in witness.of(VehicleStatus)]
+    assert modes[-1] in (AutopilotMode.RETURN, AutopilotMode.LAND)
+    back = next(i for i, e in enumerate(witness.entries) if _is_back(e))
+    late = [e for e in witness.entries[back:] if isinstance(e.message, Setpoint)]
+    assert not late, "a setpoint after the failsafe would have taken OFFBOARD back"
+    assert not result.verdict.forced_disarm_in_air
+
+
+def _is_back(entry: JournalEntry) -> bool:
+    return isinstance(entry.message, VehicleStatus) and entry.message.mode is AutopilotMode.RETURN
+
+
+def test_a_pilot_who_switches_to_hold_has_the_vehicle_for_good() -> None:
+    pilot = {"faults": [{"kind": "pilot_input", "start_s": 12.0, "mode": "hold"}], "duration_limit_s": 25.0}
+    result, witness = flown("line", 1, world=pilot)
+    assert result.outcome == "held", result
+    taken = next(
+        i
+        for i, e in enumerate(witness.entries)
+        if isinstance(e.message, PhaseChanged) and e.message.after is Phase.IDLE
+    )
+    after = witness.entries[taken + 1 :]
+    assert not [e for e in after if isinstance(e.message, Setpoint | VehicleCommand)]
+    assert witness.of(VehicleStatus)[-1].mode is AutopilotMode.HOLD
+
+
+def test_an_operators_hold_stops_the_vehicle_in_hold() -> None:
+    hold = Operator(actions=((10.0, OperatorAction.HOLD),))
+    result, witness = flown("line", 1, world={"duration_limit_s": 16.0}, operator=hold)
+    assert result.phase is Phase.HOLD
+    assert witness.of(VehicleStatus)[-1].mode is AutopilotMode.HOLD
+
+
+def test_an_operators_go_around_is_flown_and_the_landing_follows() -> None:
+    again = Operator(actions=((17.0, OperatorAction.GO_AROUND),))
+    result, _ = flown("line", 1, operator=again)
+    assert result.go_arounds == 1
+    assert_landed(result, error_m=0.3)
