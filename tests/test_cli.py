@@ -1,0 +1,103 @@
+"""The commands as a user types them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from companion.campaign.runner import OUTCOMES
+from companion.campaign.summary import WALL_KEYS
+from companion.cli import app
+
+DOCUMENTED_KEYS = {
+    "outcome",
+    "seed",
+    "scenario",
+    "touchdown_error_m",
+    "touchdown_relative_speed_horizontal_m_s",
+    "touchdown_relative_speed_vertical_m_s",
+    "time_to_touchdown_s",
+    "simulated_s",
+    "wall_s",
+    "forced_disarm_in_air",
+}
+SHORT = ("--world", "duration_limit_s=5")
+
+
+def invoked(*arguments: str) -> Result:
+    return CliRunner().invoke(app, list(arguments))
+
+
+def demo(runs: Path, *arguments: str) -> tuple[dict[str, Any], Path, int]:
+    result = invoked("demo", "--json", "--runs", str(runs), *arguments)
+    figures = json.loads(result.stdout.strip().splitlines()[-1])
+    return figures, Path(figures["run"]), result.exit_code
+
+
+@pytest.mark.timeout(240)
+def test_demo_lands_ends_with_one_json_line_and_keeps_a_run_folder(tmp_path: Path) -> None:
+    figures, folder, status = demo(tmp_path, "--scenario", "line", "--seed", "4")
+    assert status == 0
+    assert figures["outcome"] == "landed"
+    assert set(figures) >= DOCUMENTED_KEYS
+    kept = json.loads((folder / "run.json").read_text(encoding="utf-8"))
+    assert {key: kept[key] for key in figures} == figures
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert "http" not in page.replace("http://www.w3.org", "")
+    assert len(page) < 3_000_000
+    assert (folder / "flight.tlog").stat().st_size > 100_000
+
+
+def test_same_seed_same_bytes(tmp_path: Path) -> None:
+    first, first_folder, _ = demo(tmp_path, "line", "--seed", "9", *SHORT)
+    second, second_folder, _ = demo(tmp_path, "line", "--seed", "9", *SHORT)
+    assert (first_folder / "flight.tlog").read_bytes() == (second_folder / "flight.tlog").read_bytes()
+    ignored = {*WALL_KEYS, "run"}
+    assert {k: v for k, v in first.items() if k not in ignored} == {k: v for k, v in second.items() if k not in ignored}
+
+
+def test_another_seed_is_another_flight(tmp_path: Path) -> None:
+    _, first, _ = demo(tmp_path, "line", "--seed", "9", *SHORT)
+    _, second, _ = demo(tmp_path, "line", "--seed", "10", *SHORT)
+    assert (first / "flight.tlog").read_bytes() != (second / "flight.tlog").read_bytes()
+
+
+def test_a_flight_that_does_not_land_has_another_exit_status_and_a_documented_outcome(tmp_path: Path) -> None:
+    figures, _, status = demo(tmp_path, "line", *SHORT)
+    assert status == 1
+    assert figures["outcome"] in OUTCOMES
+    assert figures["touchdown_error_m"] is None
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("demo", "nowhere"), ["nowhere", "line"]),
+        (("demo", "--set", "control.gain=1"), ["[control] gain", "allowed"]),
+        (("demo", "--set", "control.rate_hz"), ["KEY=VALUE"]),
+        (("demo", "--world", "wind.mean=1"), ["wind", "mean"]),
+        (("check-config", "-c", "nothing.toml"), ["nothing.toml", "cannot be read"]),
+        (("campaign", "rerun"), ["--sample"]),
+    ],
+)
+def test_a_wrong_argument_is_explained_on_one_screen_with_status_2(
+    arguments: tuple[str, ...], words: list[str]
+) -> None:
+    result = invoked(*arguments)
+    assert result.exit_code == 2
+    assert not [word for word in words if word not in result.stderr], result.stderr
+    assert "Traceback" not in result.output
+
+
+def test_check_config_prints_the_whole_configuration() -> None:
+    result = invoked("check-config", "--set", "mission.commit_height_m=0.6")
+    assert json.loads(result.stdout)["mission"]["commit_height_m"] == 0.6
+
+
+def test_every_outcome_is_documented() -> None:
+    text = (Path(__file__).parents[1] / "docs" / "running.md").read_text(encoding="utf-8")
+    assert not [outcome for outcome in OUTCOMES if f"`{outcome}`" not in text]
