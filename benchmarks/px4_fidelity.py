@@ -28,7 +28,7 @@ from px4_landing import (
     is_flight_recording,
     order_of,
     read_flight,
-    start_height_m,
+    start_and_ground_z_m,
     touchdown_s,
 )
 from px4_recording import Array, Command, Recording, is_step_recording, read_recording
@@ -279,7 +279,7 @@ def score(recording: Recording, airframe: Airframe) -> tuple[Row, Comparison]:
 def score_flight(name: str, recorded: Flight, airframe: Airframe) -> tuple[Row, Comparison]:
     """Fly one take-off or landing again and judge its vertical speed (or height) until touchdown."""
     order = order_of(name)
-    stub = FlightReplay(order, airframe, start_height_m(recorded)).run(float(recorded.t_s[-1]))
+    stub = FlightReplay(order, airframe, *start_and_ground_z_m(order, recorded)).run(float(recorded.t_s[-1]))
     down_s, stub_down_s = touchdown_s(recorded), touchdown_s(stub)
     ends = [float(recorded.t_s[-1])]
     if not order.starts_on_ground:

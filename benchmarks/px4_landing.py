@@ -2,8 +2,8 @@
 
 The command is in the file's name: `offland_0.5_rng` (OFFBOARD, sinking 0.5 m/s through touchdown, with range sensor), `autoland_norng`,
 `takeoff_offboard_vel_-1`, `takeoff_offboard_pos_-5`, `takeoff_auto`, `takeoff_arm_first`, `gps_loss_offboard`, `land_auto_flight`. At t = 0 it is given: the
-descent, AUTO.LAND, arming, or the loss of GNSS. No noise, no estimate error; the flight starts at the recorded true height. NED, seconds
-since the command. Read by px4_fidelity.py.
+descent, AUTO.LAND, arming, or the loss of GNSS. No noise, no estimate error. PX4 steers by its estimate, so the flight starts at the
+estimated z, and the ground lies at the z that PX4 believed at touchdown. NED, seconds since the command. Read by px4_fidelity.py.
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ def read_flight(path: Path) -> Flight:
 class FlightReplay:
     """The simulator under the same command."""
 
-    def __init__(self, order: Order, airframe: Airframe, start_height_m: float) -> None:
+    def __init__(self, order: Order, airframe: Airframe, start_z_m: float, ground_z_m: float) -> None:
         options = AutopilotOptions(
             errors=NO_ERRORS,
             home_error_scale=0.0,
@@ -113,10 +113,9 @@ class FlightReplay:
         )
         self._order = order
         self._autopilot = Autopilot(airframe, None, np.random.default_rng(0), options)
-        height_m = 0.0 if order.starts_on_ground else start_height_m
         signal = 0.0 if order.starts_on_ground else airframe.hover_signal
-        self._start_z_m = -height_m
-        self._body = Multirotor(airframe, (0.0, 0.0, -height_m), motors=(signal, signal, signal, signal))
+        self._ground_z_m = ground_z_m
+        self._body = Multirotor(airframe, (0.0, 0.0, start_z_m), motors=(signal, signal, signal, signal))
         self._body.on_surface = order.starts_on_ground
         self._ordered = False
         if not order.starts_on_ground:
@@ -127,7 +126,7 @@ class FlightReplay:
         rows = []
         for t_us in range(0, _BEFORE_US + round(seconds * 1e6), _STEP_US):
             self._pilot(t_us)
-            height_m = -self._body.state.z
+            height_m = self._ground_z_m - self._body.state.z
             range_m = height_m if self._order.has_range_sensor and height_m > 0.0 else None
             motors = self._autopilot.step(t_us, self._body.truth(), range_m, _STEP_US * 1e-6)
             self._autopilot.datagrams()
@@ -144,14 +143,14 @@ class FlightReplay:
                 )
             )
         t_s, z, vz, landed, armed = np.array(rows).T
-        return Flight(t_s, z, vz, vz, -z, landed, armed)
+        return Flight(t_s, z, vz, vz, self._ground_z_m - z, landed, armed)
 
     def _stop_at_the_ground(self) -> None:
         """SIH's ground: it holds the vehicle while the net force points down, without bounce or sliding."""
         s, acceleration = self._body.state, self._body.truth().acceleration_ned_m_s2
-        self._body.on_surface = s.z >= 0.0 and acceleration[2] >= 0.0
+        self._body.on_surface = s.z >= self._ground_z_m and acceleration[2] >= 0.0
         if self._body.on_surface:
-            self._body.state = s._replace(z=0.0, vx=0.0, vy=0.0, vz=0.0, p=0.0, q=0.0, r=0.0)
+            self._body.state = s._replace(z=self._ground_z_m, vx=0.0, vy=0.0, vz=0.0, p=0.0, q=0.0, r=0.0)
 
     def _pilot(self, t_us: int) -> None:
         autopilot, order = self._autopilot, self._order
@@ -184,14 +183,13 @@ class FlightReplay:
         return LocalTarget(_LOCAL_NED, _ONLY_VELOCITY, (0.0,) * 3, (0.0, 0.0, vz), (0.0,) * 3, 0.0, 0.0)
 
 
-def start_height_m(flight: Flight) -> float:
-    """True height when the command was given (on the ground where none was recorded)."""
-    known = ~np.isnan(flight.height_m)
-    return (
-        float(np.interp(0.0, flight.t_s[known], flight.height_m[known]))
-        if known.any()
-        else -float(np.interp(0.0, flight.t_s, flight.z_m))
-    )
+def start_and_ground_z_m(order: Order, flight: Flight) -> tuple[float, float]:
+    """Estimated z when the command was given, and where PX4 believed the ground when it touched (zero where it never did)."""
+    if order.starts_on_ground:
+        return 0.0, 0.0
+    down_s = touchdown_s(flight)
+    ground_z_m = 0.0 if down_s is None else float(np.interp(down_s, flight.t_s, flight.z_m))
+    return float(np.interp(0.0, flight.t_s, flight.z_m)), ground_z_m
 
 
 def touchdown_s(flight: Flight) -> float | None:
