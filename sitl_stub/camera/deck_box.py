@@ -1,0 +1,74 @@
+"""The body of the carrier below the deck's top: its sides, and the shadow it throws on the ground."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from sitl_stub.camera.image import Floats, Image
+from sitl_stub.camera.light import Light
+from sitl_stub.camera.mount import Pose
+from sitl_stub.camera.outline import bounds, fill, image_polygon
+from sitl_stub.camera.projection import Projection
+from sitl_stub.camera.scene import Scene
+from sitl_stub.pad_layout import PadLayout
+
+_SIDE_GREY = 48.0
+_SUNLIT_GREY = 60.0
+_SHADE_REMAINING = 0.5
+
+
+def deck_corners(pad: PadLayout, down_m: float) -> Floats:
+    """(4, 3) corners in P of a horizontal section of the deck's box: front left, front right, back right, back left."""
+    cx, cy = pad.deck_center_m
+    signs = np.array([[1.0, -1.0], [1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0]])
+    flat = signs * (pad.length_m / 2.0, pad.width_m / 2.0) + (cx, cy)
+    return np.column_stack([flat, np.full(4, down_m)])
+
+
+def paint_deck_sides(
+    canvas: Image, projection: Projection, X_CW: Pose, X_WP: Pose, pad: PadLayout, light: Light
+) -> None:
+    """The sides that face the camera, in one shade each."""
+    if pad.deck_height_m <= 0.0:
+        return
+    X_CP = X_CW @ X_WP
+    camera_P = -(X_CP.R.T @ X_CP.p)
+    top, bottom = deck_corners(pad, 0.0), deck_corners(pad, pad.deck_height_m)
+    for i in range(4):
+        j = (i + 1) % 4
+        outward = (top[i] + top[j]) / 2.0 - top.mean(axis=0)
+        if (camera_P - top[i]) @ outward <= 0.0:
+            continue
+        face = np.array([top[i], top[j], bottom[j], bottom[i]]) @ X_CP.R.T + X_CP.p
+        normal_W = X_WP.R @ (outward / np.linalg.norm(outward))
+        grey = _SIDE_GREY + _SUNLIT_GREY * max(0.0, float(normal_W @ np.array(light.sun_direction_ned)))
+        fill(canvas, image_polygon(face, projection, canvas.shape[1], canvas.shape[0]), grey)
+
+
+def paint_deck_shadow(
+    canvas: Image, projection: Projection, X_CW: Pose, X_WP: Pose, scene: Scene, light: Light
+) -> None:
+    """Darken the ground where the deck's top hides the sun: its corners, slid down along the light."""
+    sun = np.array(light.sun_direction_ned)
+    if sun[2] > -0.05 or scene.pad.deck_height_m <= 0.0:
+        return
+    top = deck_corners(scene.pad, 0.0) @ X_WP.R.T + X_WP.p
+    drop = (scene.ground_down_m - top[:, 2:3]) / -sun[2]
+    thrown = top - sun * drop
+    foot = top + (0.0, 0.0, 1.0) * (scene.ground_down_m - top[:, 2:3])
+    hull = cv2.convexHull(np.concatenate([thrown, foot])[:, :2].astype(np.float32))[:, 0, :]
+    outline = np.column_stack([hull.astype(np.float64), np.full(len(hull), scene.ground_down_m)])
+    darken(canvas, image_polygon(outline @ X_CW.R.T + X_CW.p, projection, *canvas.shape[1::-1]), _SHADE_REMAINING)
+
+
+def darken(canvas: Image, polygon_px: Floats, remaining: float) -> None:
+    """Multiply what lies inside the polygon, with soft edges, in place."""
+    box = bounds(polygon_px, canvas.shape[1], canvas.shape[0])
+    if box is None:
+        return
+    x0, y0, x1, y1 = box
+    region = canvas[y0:y1, x0:x1]
+    gain = np.full(region.shape, 255, np.uint8)
+    fill(gain, polygon_px - (x0, y0), round(255.0 * remaining))
+    cv2.multiply(region, gain, dst=region, scale=1.0 / 255.0)

@@ -1,0 +1,70 @@
+"""Polygons in three dimensions to polygons in the image: clipped in front of the camera and around the frame."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from sitl_stub.camera.image import Floats, Image
+from sitl_stub.camera.projection import Projection
+
+NEAR_M = 0.01
+_MARGIN_PX = 16.0
+_PIECES = 16
+_SHIFT = 4
+
+
+def clip_half_plane(points: Floats, signed_distance: Floats) -> Floats:
+    """Sutherland and Hodgman: the part of a convex polygon (n, d) where the signed distance (n,) is not negative."""
+    kept: list[Floats] = []
+    for i in range(len(points)):
+        a, b = signed_distance[i - 1], signed_distance[i]
+        if (a < 0.0) != (b < 0.0):
+            kept.append(points[i - 1] + (points[i] - points[i - 1]) * (a / (a - b)))
+        if b >= 0.0:
+            kept.append(points[i])
+    return np.array(kept).reshape(-1, points.shape[1])
+
+
+def image_polygon(points_C: Floats, projection: Projection, width_px: int, height_px: int) -> Floats:
+    """(n, 2) pixels of a convex polygon given by its corners in C (m, 3), a little beyond the frame at most; (0, 2) where it
+    is not in view. Curved edges of a fisheye are drawn in 16 pieces each."""
+    if projection.is_linear:
+        visible = clip_half_plane(points_C, points_C[:, 2] - NEAR_M)
+        if len(visible) < 3:
+            return np.empty((0, 2))
+        return _clip_frame(projection.project(visible), width_px, height_px)
+    pixels = projection.project(_subdivided(points_C))
+    return pixels[np.isfinite(pixels).all(axis=1)]
+
+
+def fill(image: Image, polygon_px: Floats, value: float | tuple[float, ...]) -> None:
+    """Fill a polygon with soft edges, in place."""
+    if len(polygon_px) < 3:
+        return
+    fixed = np.rint(np.clip(polygon_px, -4e3, 2e4) * (1 << _SHIFT)).astype(np.int32)
+    colour = value if isinstance(value, tuple) else (value,) * 3
+    cv2.fillPoly(image, [fixed], colour, cv2.LINE_AA, _SHIFT)
+
+
+def bounds(polygon_px: Floats, width_px: int, height_px: int) -> tuple[int, int, int, int] | None:
+    """(x0, y0, x1, y1), half open, of the pixels a polygon can touch; None where it touches none."""
+    if len(polygon_px) < 3:
+        return None
+    (x0, y0), (x1, y1) = np.floor(polygon_px.min(axis=0)) - 1, np.ceil(polygon_px.max(axis=0)) + 2
+    x0, y0, x1, y1 = max(0, int(x0)), max(0, int(y0)), min(width_px, int(x1)), min(height_px, int(y1))
+    return (x0, y0, x1, y1) if x0 < x1 and y0 < y1 else None
+
+
+def _clip_frame(polygon: Floats, width_px: int, height_px: int) -> Floats:
+    for axis, sign, limit in ((0, 1.0, 0.0), (0, -1.0, width_px), (1, 1.0, 0.0), (1, -1.0, height_px)):
+        if len(polygon) < 3:
+            return np.empty((0, 2))
+        polygon = clip_half_plane(polygon, sign * (polygon[:, axis] - limit) + _MARGIN_PX)
+    return polygon
+
+
+def _subdivided(points: Floats) -> Floats:
+    share = (np.arange(_PIECES) / _PIECES)[:, None]
+    following = np.roll(points, -1, axis=0)
+    return np.concatenate([a + (b - a) * share for a, b in zip(points, following, strict=True)])
