@@ -162,10 +162,10 @@ class Contact:
                 self._let_go(point)
                 continue
             v = (vx + wy * az - wz * ay, vy + wz * ax - wx * az, vz + wx * ay - wy * ax)
-            for force in (
-                self._on_deck(point, p, v, deck, state) if deck_is_near else None,
-                self._on_ground(point, p, v, state),
-            ):
+            over_deck, on_deck = self._on_deck(point, p, v, deck, state) if deck_is_near else (False, None)
+            # The water under a boat goes up and down with it: no ground where the deck is.
+            on_ground = None if over_deck else self._on_ground(point, p, v, state)
+            for force in (on_deck, on_ground):
                 if force is not None:
                     gx, gy, gz = force
                     fx, fy, fz = fx + gx, fy + gy, fz + gz
@@ -197,24 +197,27 @@ class Contact:
             state.frame_on_ground += 1
         return (friction_x, friction_y, -normal)
 
-    def _on_deck(self, point: _Point, p: Vec3, v: Vec3, deck: DeckState, state: ContactState) -> Vec3 | None:
+    def _on_deck(
+        self, point: _Point, p: Vec3, v: Vec3, deck: DeckState, state: ContactState
+    ) -> tuple[bool, Vec3 | None]:
+        """Whether the point is within the deck's outline, and the force on it if it touches."""
         r = deck.rotation_ned_deck
         o, u, w = deck.position_ned_m, deck.velocity_ned_m_s, deck.angular_velocity_ned_rad_s
         dx, dy, dz = p[0] - o[0], p[1] - o[1], p[2] - o[2]
         d = (r[0] * dx + r[3] * dy + r[6] * dz, r[1] * dx + r[4] * dy + r[7] * dz, r[2] * dx + r[5] * dy + r[8] * dz)
         face = self._face(point, d)
         point.last_d_m, point.face = d, face
-        if point.is_foot and -d[2] < state.gap_m and self._is_over(d):
+        is_over = self._is_over(d)
+        if point.is_foot and is_over and -d[2] < state.gap_m:
             state.gap_m = -d[2]
         if face < 0:
-            return None
+            return is_over, None
         ex = v[0] - u[0] - w[1] * dz + w[2] * dy
         ey = v[1] - u[1] - w[2] * dx + w[0] * dz
         ez = v[2] - u[2] - w[0] * dy + w[1] * dx
         e = (r[0] * ex + r[3] * ey + r[6] * ez, r[1] * ex + r[4] * ey + r[7] * ez, r[2] * ex + r[5] * ey + r[8] * ez)
         self._count_deck(point, face, state)
-        f = self._face_force(point, face, d, e)
-        return _rotated(r, f)
+        return is_over, _rotated(r, self._face_force(point, face, d, e))
 
     def _face(self, point: _Point, d: Vec3) -> int:
         """Which face of the box the point presses on: the one it came in by; -1 outside."""

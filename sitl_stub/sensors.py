@@ -21,8 +21,10 @@ def distance_down(position_ned_m: Vec3, q_ned_frd: Quaternion, deck: DeckState, 
     w, x, y, z = q_ned_frd
     # B +z in W: the third column of R_WB.
     ray = (2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y))
-    ground = -position_ned_m[2] / ray[2] if ray[2] > 1e-3 and position_ned_m[2] <= 0.0 else _NEVER
-    return min(ground, _deck_distance(position_ned_m, ray, deck, shape))
+    on_deck = _deck_distance(position_ned_m, ray, deck, shape)
+    if on_deck < _NEVER:
+        return on_deck
+    return -position_ned_m[2] / ray[2] if ray[2] > 1e-3 and position_ned_m[2] <= 0.0 else _NEVER
 
 
 def _deck_distance(position: Vec3, ray: Vec3, deck: DeckState, shape: DeckShape) -> float:

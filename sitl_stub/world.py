@@ -362,13 +362,13 @@ class World:
 
 
 def deck_shape(pad: PadLayout) -> DeckShape:
-    """The deck as the contact model wants it: solid down to the ground (or into the water)."""
+    """The deck as the contact model wants it: solid down into the ground or the water."""
     return DeckShape(
         length_m=pad.length_m,
         width_m=pad.width_m,
         center_x_m=pad.deck_center_m[0],
         center_y_m=pad.deck_center_m[1],
-        depth_m=max(pad.deck_height_m, 0.3),
+        depth_m=pad.deck_height_m + 1.0,
     )
 
 

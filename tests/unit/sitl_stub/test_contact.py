@@ -33,7 +33,7 @@ def make_contact(restitution: float = 0.15, friction: float = 0.7, mass: float =
         mass_kg=mass,
         feet_frd_m=FEET,
         frame_frd_m=HUBS,
-        deck=DeckShape(length_m=1.5, width_m=1.5, depth_m=DECK_M),
+        deck=DeckShape(length_m=1.5, width_m=1.5, depth_m=DECK_M + 1.0),
         surface=Surface(friction, friction, restitution),
     )
 
@@ -84,7 +84,7 @@ def test_a_body_at_rest_on_the_ground_stays_where_it_is_and_is_held_by_its_weigh
         (RoverSettings(), Figure8Settings(speed_m_s=4.2)),
         (TruckSettings(), LineSettings(speed_m_s=15.0)),
         (TruckSettings(), CircleSettings(speed_m_s=8.0, radius_m=20.0)),
-        (BoatSettings(significant_wave_height_m=0.5), LineSettings(speed_m_s=1.0)),
+        (BoatSettings(significant_wave_height_m=1.5, peak_wave_period_s=6.0), LineSettings(speed_m_s=1.0)),
     ],
     ids=["rover line", "rover figure-8", "truck 15 m/s", "truck circle 8 m/s", "boat in waves"],
 )
