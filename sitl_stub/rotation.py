@@ -96,21 +96,3 @@ def wrap(angle_rad: float) -> float:
     """The same angle in (-pi, pi]."""
     wrapped = (angle_rad + pi) % (2.0 * pi) - pi
     return wrapped if wrapped != -pi else pi
-
-
-def between(a: Vec3, b: Vec3) -> Quaternion:
-    """Shortest turn that takes unit vector a to unit vector b."""
-    ax, ay, az = a
-    bx, by, bz = b
-    cx, cy, cz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-    dot = ax * bx + ay * by + az * bz
-    if dot < -0.999999:
-        # Opposite: any perpendicular axis will do; take the one from the least component of a.
-        if abs(ax) <= abs(ay) and abs(ax) <= abs(az):
-            cx, cy, cz = 0.0, az, -ay
-        elif abs(ay) <= abs(az):
-            cx, cy, cz = -az, 0.0, ax
-        else:
-            cx, cy, cz = ay, -ax, 0.0
-        dot = -1.0
-    return normalise((1.0 + dot, cx, cy, cz))

@@ -7,7 +7,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sitl_stub.rotation import (
-    between,
     from_euler,
     from_rotation_vector,
     inverse,
@@ -59,12 +58,6 @@ def test_products_turn_in_the_frame_that_the_first_made() -> None:
 def test_a_rotation_vector_turns_about_itself_by_its_length() -> None:
     assert yaw_of(from_rotation_vector(0.0, 0.0, 0.7)) == pytest.approx(0.7)
     assert from_rotation_vector(0.0, 0.0, 1e-12)[3] == pytest.approx(5e-13)
-
-
-@pytest.mark.parametrize("b", [(1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.0, 0.6, 0.8), (0.0, 0.0, 1.0)])
-def test_shortest_turn_leads_from_one_direction_to_the_other(b: tuple[float, float, float]) -> None:
-    for a in ((0.0, 0.0, 1.0), (-1.0, 0.0, 0.0), (0.0, -1.0, 0.0)):
-        assert rotate(between(a, b), a) == pytest.approx(b, abs=1e-6)
 
 
 def test_normalising_gives_unit_length_and_positive_w() -> None:
