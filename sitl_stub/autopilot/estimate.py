@@ -24,6 +24,7 @@ from sitl_stub.rotation import Quaternion, Vec3, from_rotation_vector, multiply,
 
 _SAMPLE_HZ = 250.0
 _ERROR_PERIOD_US = 8_000
+_SLOW_PERIOD_S = 0.031
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,6 +119,7 @@ class Estimator:
         self._yaw_offset = 0.0
         self._without_gnss_us = 0
         self._since_error_us = _ERROR_PERIOD_US
+        self._since_slow_s = 0.0
         self.refresh()
         self._gyro = [[0.0, 0.0], [0.0, 0.0], [0.0, 0.0]]
         self._gyro_last: Vec3 = (0.0, 0.0, 0.0)
@@ -173,8 +175,11 @@ class Estimator:
         self.estimate.is_dead_reckoning = self._without_gnss_us > _DEAD_RECKONING_AFTER_US
         for walk in self._walks:
             walk.step(dt_s)
-        for slow in self._slow:
-            slow.step(dt_s)
+        self._since_slow_s += dt_s
+        if self._since_slow_s >= _SLOW_PERIOD_S:
+            for slow in self._slow:
+                slow.step(self._since_slow_s)
+            self._since_slow_s = 0.0
         self._reckon(dt_s)
         yaw_rad = yaw_of(truth.q_ned_frd)
         self._velocity_error = self._velocity_errors(cos(yaw_rad), sin(yaw_rad), truth.on_surface)
