@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable
+from functools import partial
 from math import isfinite, nan
 from typing import Any, Protocol
 
@@ -74,6 +75,7 @@ class MavlinkEndpoint:
         self._cache: dict[int, bytes | None] = {}
         self._links = {name: Link(name, SYSTEM_ID, COMPONENT_ID) for name in TIMETABLES}
         self._links["ground"].enabled = ground_link
+        self._active = [link for link in self._links.values() if link.enabled]
         self._origin_sent = False
         for link in self._links.values():
             self._fill_timetable(link, cold_boot)
@@ -103,12 +105,16 @@ class MavlinkEndpoint:
                 link.out = []
         return datagrams
 
+    def is_due(self, t_us: int) -> bool:
+        """Whether `step` has anything to send."""
+        return bool(self._listings) or not self._origin_sent or any(link.next_due_us <= t_us for link in self._active)
+
     def step(self, t_us: int) -> None:
         """Send what is due."""
         self._cache.clear()
-        for link in self._links.values():
-            if link.enabled:
-                link.send_due(t_us, lambda message_type, link=link: self._content(link, message_type))  # type: ignore[misc]
+        for link in self._active:
+            if link.next_due_us <= t_us:
+                link.send_due(t_us, partial(self._content, link))
         if self._listings and t_us >= self._next_burst_us:
             self._next_burst_us = t_us + _PARAMETER_BURST_US
             self._send_parameter_burst()

@@ -43,6 +43,8 @@ from sitl_stub.mavlink_endpoint import MavlinkEndpoint
 from sitl_stub.multirotor import VehicleTruth
 from sitl_stub.telemetry import IN_AIR, LANDING, ON_GROUND, TAKEOFF, Telemetry
 
+DECISION_PERIOD_US = 8_000
+"""Mode, flight task and land detector run when PX4's estimator publishes a position, every second step."""
 _STOPPED: Motors = (0.0, 0.0, 0.0, 0.0)
 _CAN_ARM_AFTER_US = 4_000_000
 _POSITION_VALID_WITHOUT_GPS_US = 5_000_000
@@ -130,6 +132,7 @@ class Autopilot:
         self._resets_seen = (0, 0)
         self._ground_station_lost = False
         self._descent_m_s: float | None = None
+        self._since_decision_us = DECISION_PERIOD_US
         self.telemetry = Telemetry(
             self.estimator.estimate,
             self.commander,
@@ -205,7 +208,22 @@ class Autopilot:
     def step(self, t_us: int, truth: VehicleTruth, range_m: float | None, dt_s: float) -> Motors:
         """Advance to t_us and return the motor commands, 0 to 1."""
         self._t_us = self.telemetry.t_us = t_us
-        estimate = self.estimator.step(t_us, truth, range_m, dt_s)
+        self.estimator.step(t_us, truth, range_m, dt_s)
+        self._since_decision_us += round(dt_s * 1e6)
+        if self._since_decision_us >= DECISION_PERIOD_US:
+            decided_dt_s = self._since_decision_us * 1e-6
+            self._since_decision_us = 0
+            self._decide(t_us, decided_dt_s)
+        motors = self.cascade.step(dt_s, self.estimator.estimate, self._setpoint, self._constraints)
+        if self.commander.terminated or self.commander.killed:
+            motors = _STOPPED
+        if self.endpoint.is_due(t_us):
+            self._fill_telemetry(truth, range_m, motors)
+            self.endpoint.step(t_us)
+        return motors
+
+    def _decide(self, t_us: int, dt_s: float) -> None:
+        """All that PX4 does when the estimator publishes a position: mode, flight task, take-off ramp, land detector."""
         self.battery.step(dt_s, self.commander.armed)
         if self._pilot_sticks is not None:
             self.manual_control.receive(self._pilot_sticks, t_us)
@@ -213,17 +231,14 @@ class Autopilot:
         self.commander.step(self._conditions(t_us))
         self._set_home(t_us)
         self._setpoint = self._fly(t_us, dt_s)
-        motors = self._control(t_us, dt_s)
+        self._constrain(t_us, dt_s)
         self._detect_landing(t_us)
-        self._fill_telemetry(truth, range_m, motors)
-        self.endpoint.step(t_us)
-        assert estimate is self.telemetry.estimate
-        return motors
 
     # What the endpoint hands over ---------------------------------------------------------------------------------
 
     def handle_command(self, command: Command) -> Result | None:
-        """The commander's answer, with health as it is now."""
+        """The commander's answer; a stream that has just begun counts at once."""
+        self.commander.note_gain(self._refresh_health(self._t_us))
         return self.commander.handle(command)
 
     def receive_local_target(self, target: LocalTarget) -> None:
@@ -436,25 +451,20 @@ class Autopilot:
             return self._pilot_flight.wants_takeoff(self.manual_control.sticks)
         return self._target is not None and self._target.kind is TargetKind.TAKEOFF
 
-    def _control(self, t_us: int, dt_s: float) -> Motors:
-        commander, c = self.commander, self._constraints
-        landed = self.land_detector.landed
-        state = self.takeoff.update(
-            t_us, commander.armed, landed, commander.armed and self._task_wants_takeoff, skip=self._skips_ramp
-        )
-        climb_max = self.parameters.get("MPC_Z_VEL_MAX_UP")
-        c.armed = commander.armed
+    def _constrain(self, t_us: int, dt_s: float) -> None:
+        """Tell the cascade what take-off ramp and land detector allow."""
+        c, armed, landed = self._constraints, self.commander.armed, self.land_detector.landed
+        state = self.takeoff.update(t_us, armed, landed, armed and self._task_wants_takeoff, skip=self._skips_ramp)
+        c.armed = armed
         c.landed = landed
         c.maybe_landed = self.land_detector.maybe_landed
         c.is_flying = state is TakeoffState.FLIGHT
         c.thrust_off = state < TakeoffState.RAMP_UP or (c.is_flying and self.land_detector.ground_contact)
-        c.climb_limit_m_s = self.takeoff.climb_limit_m_s(dt_s, climb_max) if state is TakeoffState.RAMP_UP else nan
-        # A negative climb limit of the ramp goes before the limit of descent.
-        c.descent_limit_m_s = max(-c.climb_limit_m_s, self.parameters.get("MPC_Z_VEL_MAX_DN"))
-        motors = self.cascade.step(dt_s, self.estimator.estimate, self._setpoint, c)
-        if commander.terminated or commander.killed:
-            return _STOPPED
-        return motors
+        c.climb_limit_m_s = c.descent_limit_m_s = nan
+        if state is TakeoffState.RAMP_UP:
+            c.climb_limit_m_s = self.takeoff.climb_limit_m_s(dt_s, self.parameters.get("MPC_Z_VEL_MAX_UP"))
+            # A negative climb limit of the ramp goes before the limit of descent.
+            c.descent_limit_m_s = max(-c.climb_limit_m_s, self.parameters.get("MPC_Z_VEL_MAX_DN"))
 
     @property
     def _skips_ramp(self) -> bool:

@@ -241,6 +241,11 @@ class Commander:
         """Health that holds before the next step: a start in flight, a radio that has just been switched on."""
         self._health = health
 
+    def note_gain(self, health: Health) -> None:
+        """A setpoint came since the last step; a loss is noticed only by the periodic check."""
+        if self._changes_at_once(health):
+            self._health = health
+
     def step(self, now: Conditions) -> None:
         """Advance to now: landing, auto-disarm, failsafe, mode."""
         self._t_us = now.t_us

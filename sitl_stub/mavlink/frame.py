@@ -17,7 +17,8 @@ _START_V2 = 0xFD
 _INCOMPAT_SIGNED = 0x01
 SIGNATURE_SIZE = 13
 
-_HEADER_V2 = Struct("<BBBBBBBHB")
+_MAGIC_V2 = bytes((_START_V2,))
+_BODY_V2 = Struct("<BBBBBBHB")
 _CRC = Struct("<H")
 
 
@@ -43,19 +44,11 @@ def encode(
     """Version 2 frame without signature (but with the signed flag in `incompat` when one will follow)."""
     payload = payload.rstrip(b"\0") or b"\0"
     message_id = message_type.id
-    head = _HEADER_V2.pack(
-        _START_V2,
-        len(payload),
-        incompat,
-        0,
-        sequence,
-        system_id,
-        component_id,
-        message_id & 0xFFFF,
-        message_id >> 16,
+    body = _BODY_V2.pack(
+        len(payload), incompat, 0, sequence, system_id, component_id, message_id & 0xFFFF, message_id >> 16
     )
-    frame = head + payload
-    return frame + _CRC.pack(crc16(frame[1:] + message_type.extra_byte))
+    body += payload
+    return _MAGIC_V2 + body + _CRC.pack(crc16(body + message_type.extra_byte))
 
 
 class FrameReader:

@@ -7,13 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from heapq import heapify, heappop, heappush
+from heapq import heappop, heappush, heapreplace
 
 from sitl_stub.mavlink.definitions import MessageType
 from sitl_stub.mavlink.frame import FrameReader, encode
 from sitl_stub.mavlink.signing import Signing
 
 DISABLED = -1
+_NEVER_US = 1 << 62
 
 
 @dataclass(slots=True)
@@ -89,25 +90,26 @@ class Link:
         if interval_us != DISABLED:
             self._schedule(stream, t_us)
 
-    def delay_until(self, t_us: int) -> None:
-        """Nothing is sent before t_us (nobody listens, or the link has just come back)."""
-        self._due = [(max(due, t_us), order, generation, stream) for due, order, generation, stream in self._due]
-        heapify(self._due)
-
     def _schedule(self, stream: Stream, due_us: int) -> None:
         self._order += 1
         heappush(self._due, (due_us, self._order, stream.generation, stream))
+
+    @property
+    def next_due_us(self) -> int:
+        """When the next stream is due."""
+        return self._due[0][0] if self._due else _NEVER_US
 
     def send_due(self, t_us: int, content: Callable[[MessageType], bytes | None]) -> None:
         """Send every stream that is due; `content` gives the payload or None when there is nothing to say."""
         due_list = self._due
         while due_list and due_list[0][0] <= t_us:
-            due_us, order, generation, stream = heappop(due_list)
+            due_us, order, generation, stream = due_list[0]
             if generation != stream.generation:
+                heappop(due_list)
                 continue
+            next_us = due_us + stream.interval_us
+            heapreplace(due_list, (next_us if next_us > t_us else t_us + 1, order, generation, stream))
             payload = content(stream.message_type)
             if payload is not None:
                 stream.last_sent_us = t_us
                 self.send(stream.message_type, payload)
-            next_us = due_us + stream.interval_us
-            heappush(due_list, (next_us if next_us > t_us else t_us + 1, order, generation, stream))

@@ -178,6 +178,7 @@ def test_landing_in_auto_land_comes_back_to_the_mode_before() -> None:
     rig = in_offboard(4.0)
     rig.set_mode(LAND)
     rig.stop_streams()
+    rig.run(0.008)
     watched = watch(rig, 25.0)
     assert watched.modes() == [LAND, OFFBOARD]
     assert watched.when("landed", LANDING) < 0.1
@@ -295,7 +296,8 @@ def test_a_velocity_of_only_nan_is_answered_each_time_and_is_no_stream() -> None
     rig.beat()
     rig.stream_velocity(nan, nan, nan)
     watched = watch(rig, 2.0)
-    assert 1.0 <= watched.when("mode", RTL) <= 1.12
+    # The last valid one came up to 0.05 s before.
+    assert 0.95 <= watched.when("mode", RTL) <= 1.12
     invalid = event_id("mavlink_rcv_sp_target_invalid")
     assert abs(rig.events().count(invalid) - 40) <= 2
 
