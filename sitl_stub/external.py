@@ -20,7 +20,6 @@ from sitl_stub.camera.scene import CameraView
 from sitl_stub.camera_setup import camera_channels, light_of
 from sitl_stub.capture import CameraChannel, Capture, turned_back
 from sitl_stub.carriers.deck import Deck, DeckState
-from sitl_stub.carriers.placement import PlacedPath
 from sitl_stub.contact import ContactState
 from sitl_stub.datagram_faults import Datagram
 from sitl_stub.geodesy import Origin
@@ -38,11 +37,12 @@ from sitl_stub.pad_layout import PadLayout
 from sitl_stub.randomness import generator
 from sitl_stub.rotation import Quaternion, Vec3, from_euler, rotate_back
 from sitl_stub.scenario import Scenario, load_pad
-from sitl_stub.sensors import RangeSensor, distance_down
+from sitl_stub.sensors import distance_down
 from sitl_stub.server_link import LinkOptions
 from sitl_stub.start import Start, draw_start
 from sitl_stub.verdict import Ending, Verdict
-from sitl_stub.world import StepOutput, Truth, carried_back, deck_shape
+from sitl_stub.world import StepOutput, Truth, carried_back
+from sitl_stub.world_setup import deck_shape, make_deck, make_range_sensor
 
 EXTERNAL_LINKS = (LinkOptions("ground", 14550, 18570),)
 """Takes the place of a ground station: binds 14550, where PX4 sends to, and speaks to 18570."""
@@ -112,14 +112,7 @@ class ExternalWorld:
         self._deck: Deck | None = None
         self._deck_zero_us = 0
         self._beacon: Beacon | None = None
-        sensor = scenario.range_sensor
-        self._range = RangeSensor(
-            rate_hz=sensor.rate_hz,
-            min_m=sensor.min_m,
-            max_m=sensor.max_m,
-            noise_sigma_m=sensor.noise_sigma_m,
-            rng=generator(seed, "range sensor"),
-        )
+        self._range = make_range_sensor(scenario, seed)
         self._cameras: list[CameraChannel] = camera_channels(scenario, self.pad, seed)
         self._light = light_of(scenario.light)
         self._reader = FrameReader()
@@ -255,11 +248,8 @@ class ExternalWorld:
     def _deck_now(self) -> DeckState:
         boot_us = self._boot_us()
         if self._deck is None:
-            s, start = self.scenario, self._start
-            path = s.path.build(generator(self._seed, "path"))
-            placed = PlacedPath(path, start.pad_north_m, start.pad_east_m, start.path_heading_rad)
-            carrier = s.carrier.build(placed, self.pad.deck_height_m, generator(self._seed, "carrier"))
-            self._deck, self._deck_zero_us = Deck(carrier), boot_us
+            self._deck = make_deck(self.scenario, self._seed, self._start, self.pad)
+            self._deck_zero_us = boot_us
         return self._deck.at((boot_us - self._deck_zero_us) * 1e-6)
 
     def _vehicle_now(self, back_s: float) -> TruePose:

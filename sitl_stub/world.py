@@ -16,22 +16,22 @@ from sitl_stub.beacon import Beacon
 from sitl_stub.camera.scene import CameraView
 from sitl_stub.camera_setup import camera_channels, light_of
 from sitl_stub.capture import CameraChannel, CameraFrame, Capture, turned_back
-from sitl_stub.carriers.deck import Deck, DeckState
-from sitl_stub.carriers.placement import PlacedPath
-from sitl_stub.contact import Contact, ContactState, DeckShape, Surface
+from sitl_stub.carriers.deck import DeckState
+from sitl_stub.contact import ContactState
 from sitl_stub.datagram_faults import Datagram, DatagramChannel
 from sitl_stub.fault_effects import FaultEffects
 from sitl_stub.faults import FaultSchedule
 from sitl_stub.geodesy import Origin
-from sitl_stub.multirotor import Multirotor, VehicleTruth
+from sitl_stub.multirotor import VehicleTruth
 from sitl_stub.pad_layout import PadLayout
 from sitl_stub.randomness import generator
 from sitl_stub.rotation import Quaternion, Vec3, from_euler, rotate_back
 from sitl_stub.scenario import Scenario, load_pad
-from sitl_stub.sensors import RangeSensor, distance_down
-from sitl_stub.start import draw_start, vehicle_pose
+from sitl_stub.sensors import distance_down
+from sitl_stub.start import Start, draw_start, vehicle_pose
 from sitl_stub.vehicle_setup import make_autopilot, make_wind, read_vehicle
 from sitl_stub.verdict import Judge, Verdict
+from sitl_stub.world_setup import deck_shape, make_body, make_contact, make_deck, make_range_sensor
 
 STEP_US = 4000
 STEP_S = 0.004
@@ -85,52 +85,16 @@ class World:
         self._shape = deck_shape(self.pad)
 
         start = draw_start(scenario, generator(seed, "start"))
-        path = PlacedPath(
-            scenario.path.build(generator(seed, "path")), start.pad_north_m, start.pad_east_m, start.path_heading_rad
-        )
-        carrier = scenario.carrier.build(path, self.pad.deck_height_m, generator(seed, "carrier"))
-        self._deck = Deck(carrier)
-
-        airframe = read_vehicle(scenario)
-        pose = vehicle_pose(scenario, start, airframe, self._deck.at(0.0))
-        in_air = scenario.vehicle.start == "air"
-        hover = airframe.hover_signal if in_air else 0.0
-        self.vehicle = Multirotor(
-            airframe,
-            pose.position_ned_m,
-            pose.velocity_ned_m_s,
-            pose.q_ned_frd,
-            pose.rates_frd_rad_s,
-            (hover, hover, hover, hover),
-        )
-        self.vehicle.on_surface = not in_air
-        self.autopilot = make_autopilot(
-            scenario, airframe, self.vehicle.truth(), self.origin, generator(seed, "autopilot")
-        )
+        self._deck = make_deck(scenario, seed, start, self.pad)
+        self._make_vehicle(start)
         self._wind = make_wind(scenario, start.wind_from_rad, generator(seed, "wind"))
         self._wind_ned_m_s: Vec3 = (0.0, 0.0, 0.0)
-        self._contact = Contact(
-            mass_kg=airframe.mass_kg,
-            feet_frd_m=airframe.feet_frd_m,
-            frame_frd_m=(*airframe.hubs_frd_m, (0.0, 0.0, 0.4 * airframe.feet.below_m)),
-            deck=self._shape,
-            surface=Surface(scenario.pad.friction, scenario.pad.ground_friction, scenario.pad.restitution),
-        )
-        self._judge = Judge(scenario.success, scenario.duration_limit_s, starts_in_air=in_air)
-
-        sensor = scenario.range_sensor
-        self._range = RangeSensor(
-            rate_hz=sensor.rate_hz,
-            min_m=sensor.min_m,
-            max_m=sensor.max_m,
-            noise_sigma_m=sensor.noise_sigma_m,
-            rng=generator(seed, "range sensor"),
-        )
+        self._range = make_range_sensor(scenario, seed)
         self._beacon = Beacon(scenario.beacon, self.origin, generator(seed, "beacon"))
+        self._waiting_beacon: list[tuple[int, list[bytes]]] = []
         self._cameras: list[CameraChannel] = camera_channels(scenario, self.pad, seed)
         self._light = light_of(scenario.light)
         self._waiting_captures: list[Capture] = []
-        self._waiting_beacon: list[tuple[int, list[bytes]]] = []
         self._to_vehicle = DatagramChannel("to_vehicle", generator(seed, "link to vehicle"))
         self._from_vehicle = DatagramChannel("from_vehicle", generator(seed, "link from vehicle"))
         self._faults = FaultSchedule(scenario.faults, generator(seed, "faults"))
@@ -143,17 +107,6 @@ class World:
             links=(self._to_vehicle, self._from_vehicle),
             pad=self.pad,
         )
-        # What happens at a time of its own, and when it happens next; the step looks at the earliest only.
-        self._due_us: dict[str, int] = {
-            "faults": 0 if self._faults else _NEVER_US,
-            "range": 0 if sensor.fitted else _NEVER_US,
-            "beacon": self._beacon_phase_us() if scenario.beacon.fitted else _NEVER_US,
-            "beacon_sent": _NEVER_US,
-            "cameras": min((camera.next_us for camera in self._cameras), default=_NEVER_US),
-            "frames": _NEVER_US,
-        }
-        self._next_due_us = 0
-        self._clear_until_us = 0
         self._actions: dict[str, Callable[[StepOutput], None]] = {
             "faults": self._do_faults,
             "range": self._do_range,
@@ -161,6 +114,32 @@ class World:
             "beacon_sent": self._do_beacon_sent,
             "cameras": self._do_cameras,
             "frames": self._do_frames,
+        }
+        self._due_us = self._first_due_us()
+        self._next_due_us = 0
+        self._clear_until_us = 0
+
+    def _make_vehicle(self, start: Start) -> None:
+        scenario, seed = self.scenario, self.seed
+        in_air = scenario.vehicle.start == "air"
+        airframe = read_vehicle(scenario)
+        pose = vehicle_pose(scenario, start, airframe, self._deck.at(0.0))
+        self.vehicle = make_body(airframe, pose, in_air=in_air)
+        rng = generator(seed, "autopilot")
+        self.autopilot = make_autopilot(scenario, airframe, self.vehicle.truth(), self.origin, rng)
+        self._contact = make_contact(scenario, airframe, self._shape)
+        self._judge = Judge(scenario.success, scenario.duration_limit_s, starts_in_air=in_air)
+
+    def _first_due_us(self) -> dict[str, int]:
+        """What happens at a time of its own, and when it happens first; the step looks at the earliest only."""
+        scenario = self.scenario
+        return {
+            "faults": 0 if self._faults else _NEVER_US,
+            "range": 0 if scenario.range_sensor.fitted else _NEVER_US,
+            "beacon": self._beacon_phase_us() if scenario.beacon.fitted else _NEVER_US,
+            "beacon_sent": _NEVER_US,
+            "cameras": min((camera.next_us for camera in self._cameras), default=_NEVER_US),
+            "frames": _NEVER_US,
         }
 
     # --------------------------------------------------------------------------------------------------------- stepping
@@ -359,17 +338,6 @@ class World:
     def verdict(self) -> Verdict:
         """How the flight ended, or that it has not, and the touchdown in numbers."""
         return self._judge.verdict(self.t_us * 1e-6)
-
-
-def deck_shape(pad: PadLayout) -> DeckShape:
-    """The deck as the contact model wants it: solid down into the ground or the water."""
-    return DeckShape(
-        length_m=pad.length_m,
-        width_m=pad.width_m,
-        center_x_m=pad.deck_center_m[0],
-        center_y_m=pad.deck_center_m[1],
-        depth_m=pad.deck_height_m + 1.0,
-    )
 
 
 def carried_back(position: Vec3, velocity: Vec3, dt_s: float) -> Vec3:
