@@ -3,9 +3,10 @@
     python benchmarks/simulator_speed.py [--seconds 20] [--repeat 3] [--json] [--mujoco] [--profile]
 
 Rows: flying without cameras (the autopilot's ground link off and on), flying with the 752 x 480 camera at 30 Hz rendered,
-standing on a moving deck (contact at 1 kHz), and one rendered frame. `--mujoco` adds a quadrotor in MuJoCo with a
-cascaded controller in Python at 250 Hz, if the package is installed, in the same run. The best of the repeats counts:
-everything else is other load. Processor time is not used, so run it on a quiet machine.
+standing on a moving deck (contact at 1 kHz), and one rendered frame. `--mujoco` adds a quadrotor in MuJoCo at 250 Hz with a
+small attitude and height controller in NumPy, if the package is installed, in the same run; it has no estimator, no
+autopilot, no messages, no wind, so it says what a bare physics loop costs and not what a substitute for PX4 does. The
+best of the repeats counts: everything else is other load. Run it on a quiet machine.
 """
 
 from __future__ import annotations
