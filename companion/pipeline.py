@@ -292,6 +292,9 @@ class Pipeline:
                 pad_velocity_ahead_m_s=target.velocity_ahead_m_s,
                 pad_acceleration_ahead_m_s2=target.acceleration_ahead_m_s2,
                 feedback=goal.style != "press",
+                velocity_ned_m_s=pose.velocity_ned_m_s,
+                q_ned_frd=pose.q_ned_frd,
+                goal_position_m=None if goal.style == "pattern" else goal.position_m,
             )
         )
         self._setpoint = self._limited(command.velocity_ned_m_s, command.acceleration_ned_m_s2, pose, pad, facts, dt_s)

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from companion.messages import Vec3
+from companion.geometry import IDENTITY_QUATERNION, ZERO
+from companion.messages import Quaternion, Vec3
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,7 +23,9 @@ class ControlInput:
     """All that a control law may look at.
 
     `relative_*` is vehicle minus pad now; `reference` is for now, `reference_ahead`, `pad_velocity_ahead_m_s` and
-    `pad_acceleration_ahead_m_s2` are for the moment at which a setpoint sent now will act (`lead_s` later).
+    `pad_acceleration_ahead_m_s2` are for the moment at which a setpoint sent now will act (`lead_s` later). The vehicle's own
+    velocity and attitude are for laws that look at more than the difference; `goal_position_m` (vehicle minus pad) is where
+    the reference leads to, for laws that know no reference.
     """
 
     dt_s: float
@@ -33,6 +36,9 @@ class ControlInput:
     pad_velocity_ahead_m_s: Vec3
     pad_acceleration_ahead_m_s2: Vec3
     feedback: bool = True
+    velocity_ned_m_s: Vec3 = ZERO
+    q_ned_frd: Quaternion = IDENTITY_QUATERNION
+    goal_position_m: Vec3 | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,12 +51,15 @@ class ControlOutput:
 
 @dataclass(frozen=True, slots=True)
 class YawInput:
-    """All that a yaw law may look at. Angles in rad, NED."""
+    """All that a yaw law may look at. Angles in rad, NED. `relative_position_m` is vehicle minus pad, None without a pad."""
 
     yaw_rad: float
     initial_yaw_rad: float
     pad_yaw_rad: float | None
     velocity_ned_m_s: Vec3
+    yaw_rate_rad_s: float = 0.0
+    commanded_velocity_ned_m_s: Vec3 = ZERO
+    relative_position_m: Vec3 | None = None
 
 
 class Controller(Protocol):
