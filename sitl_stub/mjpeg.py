@@ -90,6 +90,8 @@ class CameraServer:
         try:
             path = await asyncio.wait_for(_requested_path(reader), _REQUEST_TIMEOUT_S)
             await self._answer(path, writer)
+        except asyncio.CancelledError:
+            pass  # Only `stop` cancels, and the stream's own callback takes a cancelled task for an accident.
         except (OSError, TimeoutError, asyncio.IncompleteReadError, asyncio.LimitOverrunError, ValueError):
             pass  # The client went away or does not speak HTTP: nothing of ours is wrong.
         finally:

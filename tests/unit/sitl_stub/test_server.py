@@ -149,6 +149,24 @@ def test_pictures_come_with_their_capture_time_to_several_clients() -> None:
     asyncio.run(scene())
 
 
+def test_stopping_while_a_client_watches_is_no_accident() -> None:
+    async def scene() -> None:
+        accidents: list[dict[str, Any]] = []
+        asyncio.get_running_loop().set_exception_handler(lambda loop, context: accidents.append(context))
+        server, _ = await serve(small(), 9)
+        running = asyncio.create_task(server.run())
+        reader, writer, _ = await open_camera(server.camera_port)
+        await read_part(reader)
+        server.stop()
+        await running
+        while await reader.read(65_536):
+            pass
+        writer.close()
+        assert accidents == []
+
+    asyncio.run(scene())
+
+
 def test_a_client_that_does_not_read_delays_neither_the_others_nor_the_vehicle() -> None:
     async def scene() -> None:
         client, transport = await listen()
