@@ -6,6 +6,7 @@ thread, gives the same bytes, as long as the captures of one camera are rendered
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import cv2
@@ -17,6 +18,14 @@ from sitl_stub.camera.scene import CameraView
 from sitl_stub.rotation import Quaternion, Vec3, from_rotation_vector, multiply
 
 Image = npt.NDArray[np.uint8]
+
+
+LATENESS: dict[str, Callable[[np.random.Generator], float]] = {
+    "constant": lambda rng: 0.0,
+    "uniform": lambda rng: float(rng.random()),
+    "exponential": lambda rng: float(rng.exponential()),
+}
+"""How much of its spread a camera's delay takes this time, by `delay_kind`."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,6 +68,7 @@ class CameraChannel:
         self._sequence = 0
         self._last_due_us = 0
         self._last_image: Image | None = None
+        self._late_share = LATENESS[spec.delay_kind]
         # Cameras are not in step with each other or with the simulation.
         self._phase_us = float(rng_timing.uniform(0.0, self._period_us))
         self._schedule()
@@ -79,7 +89,7 @@ class CameraChannel:
         t_us = self.next_us
         self._schedule()
         spec = self._camera.spec
-        late_s = abs(float(self._rng_timing.standard_normal())) * spec.delay_spread_s
+        late_s = spec.delay_spread_s * self._late_share(self._rng_timing)
         is_dropped = self._rng_timing.random() < spec.drop_probability
         self._sequence += 1
         if self.is_stopped or is_dropped:

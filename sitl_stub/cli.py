@@ -196,7 +196,7 @@ def _finish(verdict: Verdict, scenario: Scenario, options: argparse.Namespace) -
         print(json.dumps(row), flush=True)
     elif not options.quiet:
         print(verdict_line(verdict), flush=True)
-    return 1 if options.until_landed and not verdict.is_success else 0
+    return 1 if options.until_landed and verdict.is_over and not verdict.is_success else 0
 
 
 def verdict_line(verdict: Verdict) -> str:

@@ -176,6 +176,19 @@ def test_frames_come_at_their_rate_and_late_by_their_delay() -> None:
     assert all(33_332 <= period <= 33_335 for period in periods)
 
 
+@pytest.mark.parametrize(("kind", "mean_s", "most_s"), [("uniform", 0.02, 0.04), ("exponential", 0.04, math.inf)])
+def test_a_delay_that_varies_does_so_as_asked_and_keeps_the_order(kind: str, mean_s: float, most_s: float) -> None:
+    delay = {"cameras.down.delay_kind": kind, "cameras.down.delay_spread_s": 0.04, "cameras.down.rate_hz": 10.0}
+    world = World(scenarios.with_overrides(scenarios.load("static"), delay), 1, render=False)
+    captures = [capture for _ in range(100) for capture in world.step(0.4).captures]
+    late_s = [(capture.due_us - capture.t_capture_us) * 1e-6 - 0.05 for capture in captures]
+    assert sum(late_s) / len(late_s) == pytest.approx(mean_s, rel=0.2)
+    assert min(late_s) >= -1e-9
+    assert max(late_s) <= most_s
+    dues = [capture.due_us for capture in captures]
+    assert dues == sorted(dues)
+
+
 def small_camera(*faults: dict[str, Any]) -> Scenario:
     scenario = near("static", faults=list(faults))
     camera = scenarios.Camera(
