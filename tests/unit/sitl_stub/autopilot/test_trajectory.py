@@ -1,0 +1,46 @@
+"""Jerk-limited motion of the automatic modes: limits kept, targets reached."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sitl_stub.autopilot.trajectory import SmoothedAxis, SmoothedPoint, SmoothingLimits, braking_speed_m_s
+
+LIMITS = SmoothingLimits(5.0, 3.0, 1.5, 3.0, 4.0, 3.0, 4.0, 0.5, 2.0)
+speeds = st.floats(-5.0, 5.0)
+
+
+@given(speeds, speeds)
+def test_an_axis_reaches_its_speed_within_the_limits(start_m_s: float, target_m_s: float) -> None:
+    axis = SmoothedAxis(velocity_m_s=start_m_s)
+    before = 0.0
+    for _ in range(1500):
+        axis.advance(target_m_s, 3.0, 4.0, 0.008)
+        assert abs(axis.acceleration_m_s2) <= 3.0 + 1e-9
+        assert abs(axis.acceleration_m_s2 - before) <= 4.0 * 0.008 + 1e-9
+        before = axis.acceleration_m_s2
+    assert axis.velocity_m_s == pytest.approx(target_m_s, abs=0.03)
+
+
+@given(st.floats(-30.0, 30.0), st.floats(-30.0, 30.0), st.floats(-30.0, 0.0))
+def test_a_point_comes_to_its_target_and_stays(x: float, y: float, z: float) -> None:
+    point = SmoothedPoint()
+    for _ in range(4000):
+        at = (point.x.position_m, point.y.position_m, point.z.position_m)
+        point.advance((x, y), z, None, at, LIMITS, 0.008)
+    assert (point.x.position_m, point.y.position_m) == (pytest.approx(x, abs=0.1), pytest.approx(y, abs=0.1))
+    assert point.z.position_m == pytest.approx(z, abs=0.1)
+
+
+def test_a_point_waits_for_a_vehicle_that_is_left_behind() -> None:
+    point = SmoothedPoint()
+    for _ in range(2000):
+        point.advance((50.0, 0.0), 0.0, None, (0.0, 0.0, 0.0), LIMITS, 0.008)
+    assert point.x.position_m <= LIMITS.error_max_m
+
+
+@given(st.floats(0.0, 100.0))
+def test_the_braking_speed_grows_with_the_distance(distance_m: float) -> None:
+    assert 0.0 <= braking_speed_m_s(distance_m, 3.0, 4.0) <= braking_speed_m_s(distance_m + 1.0, 3.0, 4.0)
