@@ -11,14 +11,14 @@ from companion.messages import Phase, Vec3
 from companion.mission.facts import Facts
 
 Frame = Literal["pad", "start"]
-Style = Literal["plan", "ramp", "press", "pattern", "stay"]
+Style = Literal["plan", "level", "ramp", "press", "pattern", "stay"]
 
 
 @dataclass(frozen=True, slots=True)
 class Goal:
     """`position_m` is vehicle minus pad (or minus start), NED axes.
 
-    Styles: `plan` a planner flies there; `ramp` straight down at `velocity_m_s`; `press` no position feedback, only the
+    Styles: `plan` a planner flies there; `level` the same at the height of the moment; `ramp` straight down at `velocity_m_s`; `press` no position feedback, only the
     pad's velocity and a push down; `pattern` the search; `stay` hold where control was taken up.
     """
 
@@ -56,9 +56,8 @@ def _above(height_m: float) -> Goal:
 
 def _descent(facts: Facts, mission: Mission) -> Goal:
     """Down to where the last metre begins; level while the pad is out of sight or the vehicle outside the cone."""
-    height = facts.height_above_pad_m
-    if height is not None and not may_descend(facts, mission):
-        return _above(max(height, mission.commit_height_m))
+    if not may_descend(facts, mission):
+        return Goal("pad", "level")
     end = (0.0, 0.0, -0.9 * mission.commit_height_m)
     down = (0.0, 0.0, mission.final_descent_speed_m_s)
     return Goal("pad", "plan", end, down, max_descent_m_s=mission.descent_speed_m_s)

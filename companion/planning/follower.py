@@ -33,11 +33,14 @@ State = tuple[Vec3, Vec3, Vec3]
 
 @dataclass(frozen=True, slots=True)
 class FollowRequest:
-    """`position_m`, `velocity_m_s`: vehicle minus pad now. The goal is relative to the pad as well."""
+    """`position_m`, `velocity_m_s`: vehicle minus pad now. The goal is relative to the pad as well.
+
+    Styles: `plan` to the goal; `level` to the goal's place at the height where it was first asked for; `ramp` straight down.
+    """
 
     t_ns: int
     lead_s: float
-    style: Literal["plan", "ramp"]
+    style: Literal["plan", "level", "ramp"]
     position_m: Vec3
     velocity_m_s: Vec3
     goal_position_m: Vec3
@@ -66,16 +69,31 @@ class ReferenceFollower:
         self._plan: Plan | None = None
         self._made_for: FollowRequest | None = None
         self._ramp_down_m: float | None = None
+        self._level_down_m: float | None = None
+        self._found = True
         self._last: tuple[int, State] | None = None
 
     def reset(self) -> None:
-        self._plan, self._made_for, self._ramp_down_m, self._last = None, None, None, None
+        self._plan, self._made_for, self._last = None, None, None
+        self._ramp_down_m, self._level_down_m, self._found = None, None, True
 
     def follow(self, request: FollowRequest) -> Followed:
         """The reference for this tick."""
-        followed = self._ramp(request) if request.style == "ramp" else self._planned(request)
+        if request.style == "ramp":
+            followed = self._ramp(request)
+        else:
+            followed = self._planned(self._levelled(request))
         self._last = (request.t_ns, followed.now)
         return followed
+
+    def _levelled(self, request: FollowRequest) -> FollowRequest:
+        if request.style != "level":
+            self._level_down_m = None
+            return request
+        if self._level_down_m is None:
+            self._level_down_m = request.position_m[2] if self._last is None else self._last[1][0][2]
+        north, east, _ = request.goal_position_m
+        return replace(request, goal_position_m=(north, east, self._level_down_m))
 
     def _ramp(self, request: FollowRequest) -> Followed:
         """Straight down over the pad's centre."""
@@ -107,14 +125,16 @@ class ReferenceFollower:
 
     def _is_due(self, request: FollowRequest) -> bool:
         made_for = self._made_for
-        if self._plan is None or made_for is None:
-            return made_for is None or request.t_ns - made_for.t_ns >= self._period_ns
+        if made_for is None:
+            return True
+        rested = request.t_ns - made_for.t_ns >= self._period_ns
+        if self._plan is None or not self._found:
+            return rested
         if _differs(made_for.goal_position_m, request.goal_position_m) or _has_parted(self._plan, request):
             return True
         if made_for.max_descent_m_s != request.max_descent_m_s:
             return True
         to_go_s = (self._plan.trajectory.end_ns - request.t_ns) / 1e9
-        rested = request.t_ns - made_for.t_ns >= self._period_ns
         return to_go_s > SETTLED_S and rested and _pad_changed(made_for, request)
 
     def _replan(self, request: FollowRequest) -> PlanMade:
@@ -135,6 +155,7 @@ class ReferenceFollower:
         )
         result = self._planner.plan(admitting_start(wanted))
         self._made_for = request
+        self._found = not isinstance(result, NoPlan)
         if not isinstance(result, NoPlan):
             self._plan = result
         elif self._plan is not None and _has_parted(self._plan, request):
