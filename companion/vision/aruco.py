@@ -1,34 +1,39 @@
 """ArUco and AprilTag pads: one marker, a board of several, or markers nested in each other, as one landing point.
 
-With a prediction only the part of the image where the pad must be is searched, scaled down where the pad fills the frame;
-where that finds nothing the whole frame is. Corners are refined at full resolution and all markers go into one pose.
+With a prediction the markers' edges are looked for where they must be, and the codes are read to prove it: no search at all.
+Where that fails, the part of the image around the prediction is searched, then the whole image. A marker that was found says
+where the others must be. Corners come from edge fits at full resolution and all markers go into one pose.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from companion import config
-from companion.geometry import matrix_from_quaternion
+from companion.geometry import Transform
 from companion.messages import CameraImage, Image, PadNotSeen, PadObservation
-from companion.vision import edges, pad_layout, pose
+from companion.vision import edges, pad_layout, pose, region, search
 from companion.vision.camera_model import Array, CameraModel
+from companion.vision.codes import CodeBook
 from companion.vision.detector import Detection, DetectionHint
+from companion.vision.level import is_possible
 
 NAME = "aruco"
+Markers = dict[int, Array]
+"""Corners (4, 2) in the image by marker id, clockwise from the marker's top-left corner."""
 
-
-@dataclass(frozen=True, slots=True)
-class Region:
-    """A part of the image, in whole pixels: left and top inside, right and bottom outside."""
-
-    left: int
-    top: int
-    right: int
-    bottom: int
+_MIN_SIDE_PX = 8.0
+"""Below this a code cannot be read."""
+_REGION_SIDE_PX = 240
+"""A region larger than this is searched at reduced size."""
+_FINE_PX = 2.5
+"""Reach of the last edge fit: a blurred edge and the error of the fit before."""
+_CLOSER = 0.15
+"""What is left of the reach after one edge fit: its cross-sections have a sample every sixth of the reach."""
+_FOUND_SIGMA_PX = 1.5
+"""How far the corners of a marker that was found without prediction may be off."""
 
 
 class ArucoDetector:
@@ -38,89 +43,111 @@ class ArucoDetector:
         self._vision = vision
         self._camera = camera
         self._layout = pad_layout.from_config(pad)
-        self._ids = sorted(self._layout.corners_P)
-        family = pad_layout.dictionary(pad.family)
-        own = cv2.aruco.Dictionary(family.bytesList[self._ids], family.markerSize, family.maxCorrectionBits)
-        self._fast = cv2.aruco.ArucoDetector(own, _parameters(window_px=(13, 13, 10)))
-        self._thorough = cv2.aruco.ArucoDetector(own, _parameters(window_px=(3, 23, 10)))
+        ids = sorted(self._layout.corners_P)
+        cells = {marker_id: pad_layout.readable_cells(self._layout, marker_id) for marker_id in ids}
+        self._book = CodeBook(pad_layout.dictionary(pad.family), ids, cells)
 
     def detect(self, frame: CameraImage, hint: DetectionHint | None) -> Detection:
         """`PadObservation`, or `PadNotSeen` with the reason."""
         grey = grey_of(frame.image)
-        markers = self._markers(grey, hint)
-        if not markers:
-            return PadNotSeen(frame.t_ns, frame.camera, NAME, "no marker")
-        return self._observation(frame, self._refined(grey, markers), hint)
-
-    def _markers(self, grey: Image, hint: DetectionHint | None) -> dict[int, Array]:
-        """Corners (4, 2) by id, unrefined."""
+        if grey.shape != (self._camera.height_px, self._camera.width_px):
+            return self._not_seen(frame, f"frame is {grey.shape[1]} x {grey.shape[0]}, not as calibrated")
         if self._vision.track and hint is not None:
-            region = predicted_region(self._layout.extent_P, self._camera, hint)
-            if region is not None:
-                found = self._in_region(grey, region)
-                if found:
-                    return found
-        return self._found(self._fast, grey) or self._found(self._thorough, grey)
+            tracked = self._observation(frame, self._tracked(grey, hint), hint)
+            if isinstance(tracked, PadObservation):
+                return tracked
+        return self._observation(frame, self._completed(grey, self._acquired(grey, hint), hint), hint)
 
-    def _in_region(self, grey: Image, region: Region) -> dict[int, Array]:
-        part = grey[region.top : region.bottom, region.left : region.right]
-        scale = min(1.0, _SEARCH_SIDE_PX / max(part.shape))
-        if scale < 1.0:
-            part = np.asarray(cv2.resize(part, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), dtype=np.uint8)
-        offset = np.array([region.left, region.top], dtype=np.float64)
-        return {
-            marker_id: (corners + 0.5) / scale - 0.5 + offset
-            for marker_id, corners in self._found(self._fast, part).items()
-        }
+    def _observation(self, frame: CameraImage, markers: Markers, hint: DetectionHint | None) -> Detection:
+        found = self._pose(markers, hint) if markers else None
+        if found is None:
+            return self._not_seen(frame, "corners have no pose" if markers else "no marker")
+        if found.reprojection_error_px > self._vision.max_reprojection_error_px:
+            return self._not_seen(frame, f"reprojection error {found.reprojection_error_px:.1f} px")
+        if not is_possible(found.q, hint):
+            return self._not_seen(frame, "pad stands on edge or upside down")
+        return _observation(frame, markers, found)
 
-    def _found(self, detector: cv2.aruco.ArucoDetector, grey: Image) -> dict[int, Array]:
-        corners, indices, _ = detector.detectMarkers(grey)
-        if indices is None:
+    def _tracked(self, grey: Image, hint: DetectionHint) -> Markers:
+        """The markers whose edges are met near their predicted places and whose codes prove it."""
+        if hint.X_CP is None:
             return {}
+        size_m = max(self._layout.size_m.values())
+        return self._proven(grey, hint.X_CP, region.reach_px(hint, self._camera, size_m))
+
+    def _proven(self, grey: Image, X_CP: Transform, reach_px: float) -> Markers:
+        ids, quads = self._visible(X_CP)
+        if not ids:
+            return {}
+        refined, good = self._refined(grey, quads, reach_px)
         return {
-            self._ids[int(index)]: quad.reshape(4, 2).astype(np.float64)
-            for quad, index in zip(corners, indices.reshape(-1), strict=True)
+            reading.marker_id: refined[reading.candidate]
+            for reading in self._book.read(grey, refined)
+            if good[reading.candidate] and reading.marker_id == ids[reading.candidate] and reading.first_corner == 0
         }
 
-    def _refined(self, grey: Image, markers: dict[int, Array]) -> dict[int, Array]:
-        if self._vision.refine == "none":
-            return markers
-        quads = np.stack(list(markers.values()))
-        if self._vision.refine == "subpix":
-            return dict(zip(markers, _subpix(grey, quads), strict=True))
-        side = np.linalg.norm(quads - np.roll(quads, 1, axis=1), axis=2).mean(axis=1)
-        cell = side / (self._layout.cells + 2)
-        for reach in (np.clip(0.5 * cell, 1.5, 6.0), np.clip(0.5 * cell, 1.5, 2.5)):
-            quads, _ = edges.refined(grey, quads, reach_px=reach)
+    def _visible(self, X_CP: Transform) -> tuple[list[int], Array]:
+        """Markers that a pose puts wholly inside the image and large enough to read, and where (M, 4, 2)."""
+        points = np.concatenate(list(self._layout.corners_P.values()))
+        quads = region.projected(points, X_CP, self._camera).reshape(-1, 4, 2)
+        low, high = quads.min(axis=1), quads.max(axis=1)
+        inside = (low > 1.0).all(axis=1) & (high < (self._camera.width_px - 2, self._camera.height_px - 2)).all(axis=1)
+        inside &= (high - low).min(axis=1) >= _MIN_SIDE_PX
+        return [marker_id for marker_id, keep in zip(self._layout.corners_P, inside, strict=True) if keep], quads[
+            inside
+        ]
+
+    def _refined(self, grey: Image, quads: Array, reach_px: float) -> tuple[Array, npt.NDArray[np.bool_]]:
+        """Corners by their edges: from as far as the prediction may be off, less than a cell, down to the edge itself."""
+        if self._vision.refine != "edges":
+            kept = _subpix(grey, quads) if self._vision.refine == "subpix" else quads
+            return kept, np.ones(len(quads), dtype=bool)
+        cell = _side_px(quads) / (self._layout.cells + 2)
+        reach = np.clip(reach_px, _FINE_PX, np.maximum(0.9 * cell, _FINE_PX))
+        while float(reach.max()) > _FINE_PX:
+            quads, _ = edges.refined(grey, quads, reach_px=reach, camera=self._camera)
+            reach = np.maximum(_CLOSER * reach, _FINE_PX)
+        return edges.refined(grey, quads, reach_px=reach, camera=self._camera)
+
+    def _acquired(self, grey: Image, hint: DetectionHint | None) -> Markers:
+        """Markers found by search: near the prediction first, then anywhere."""
+        where = (
+            region.predicted_region(self._layout.extent_P, self._camera, hint) if self._vision.track and hint else None
+        )
+        found = self._in_region(grey, where) if where is not None else []
+        best: Markers = {}
+        for marker in found or search.first_found(grey, self._book):
+            best.setdefault(marker.marker_id, marker.corners)
+        return best
+
+    def _in_region(self, grey: Image, where: region.Region) -> list[search.Found]:
+        part = grey[where.top : where.bottom, where.left : where.right]
+        shrink = max(1, -(-max(part.shape) // _REGION_SIDE_PX))
+        offset = np.array([where.left, where.top], dtype=np.float64)
+        found = search.at_level(part, self._book, search.Level(shrink, 10.0, 25))
+        return [search.Found(marker.marker_id, marker.corners + offset, marker.correlation) for marker in found]
+
+    def _completed(self, grey: Image, markers: Markers, hint: DetectionHint | None) -> Markers:
+        """What a search found, refined, and with it the markers that the search missed."""
+        if not markers:
+            return {}
+        rough = self._pose(markers, hint)
+        if rough is None:
+            return {}
+        reach = _FOUND_SIGMA_PX * max(1.0, max(_side_px(quad[None])[0] for quad in markers.values()) / 60.0)
+        proven = self._proven(grey, Transform(q=rough.q, p=rough.position_m), 2.0 * reach)
+        if proven:
+            return proven
+        quads, _ = self._refined(grey, np.stack(list(markers.values())), reach)
         return dict(zip(markers, quads, strict=True))
 
-    def _observation(self, frame: CameraImage, markers: dict[int, Array], hint: DetectionHint | None) -> Detection:
+    def _pose(self, markers: Markers, hint: DetectionHint | None) -> pose.PlanarPose | None:
         points_P = np.concatenate([self._layout.corners_P[marker_id] for marker_id in markers])
         pixels = np.concatenate(list(markers.values()))
-        found = pose.planar_pose(points_P, pixels, self._camera, hint=hint, sigma_px=self._vision.pixel_sigma_px)
-        if found is None:
-            return PadNotSeen(frame.t_ns, frame.camera, NAME, "corners have no pose")
-        if found.reprojection_error_px > self._vision.max_reprojection_error_px:
-            return PadNotSeen(frame.t_ns, frame.camera, NAME, f"reprojection {found.reprojection_error_px:.1f} px")
-        return PadObservation(
-            t_ns=frame.t_ns,
-            camera=frame.camera,
-            detector=NAME,
-            pad_position_camera_m=found.position_m,
-            position_covariance_m2=found.position_covariance_m2,
-            q_camera_pad=found.q,
-            rotation_covariance_rad2=found.rotation_covariance_rad2,
-            q_camera_pad_alternative=found.q_alternative,
-            marker_ids=tuple(markers),
-            corners_px=tuple((float(u), float(v)) for u, v in pixels),
-            reprojection_error_px=found.reprojection_error_px,
-        )
+        return pose.planar_pose(points_P, pixels, self._camera, hint=hint, sigma_px=self._vision.pixel_sigma_px)
 
-
-_SEARCH_SIDE_PX = 240.0
-"""A region larger than this is searched at reduced size: enough pixels for every cell of the outer marker."""
-_MARGIN = 0.25
-"""The region searched is this fraction of the pad's image larger on each side, besides three sigma of the prediction."""
+    def _not_seen(self, frame: CameraImage, reason: str) -> PadNotSeen:
+        return PadNotSeen(frame.t_ns, frame.camera, NAME, reason)
 
 
 def grey_of(image: Image) -> Image:
@@ -128,32 +155,25 @@ def grey_of(image: Image) -> Image:
     return image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
 
 
-def predicted_region(extent_P: Array, camera: CameraModel, hint: DetectionHint) -> Region | None:
-    """Where the pad must be in the image; None where the prediction cannot say."""
-    if hint.X_CP is None:
-        return None
-    R = np.array(matrix_from_quaternion(hint.X_CP.q))
-    points_C = extent_P @ R.T + np.array(hint.X_CP.p)
-    distance = float(np.linalg.norm(hint.X_CP.p))
-    if float(points_C[:, 2].min()) <= 0.0 or distance <= 3.0 * hint.position_sigma_m:
-        return None
-    pixels = camera.project(points_C)
-    if not np.isfinite(pixels).all():
-        return None
-    low, high = pixels.min(axis=0), pixels.max(axis=0)
-    margin = _MARGIN * float((high - low).max()) + 3.0 * hint.position_sigma_m * camera.focal_px / distance + 4.0
-    left, top = np.maximum(np.floor(low - margin), 0).astype(int)
-    right, bottom = np.minimum(np.ceil(high + margin), (camera.width_px, camera.height_px)).astype(int)
-    return Region(int(left), int(top), int(right), int(bottom)) if right - left >= 8 and bottom - top >= 8 else None
-
-
-def _parameters(window_px: tuple[int, int, int]) -> cv2.aruco.DetectorParameters:
-    parameters = cv2.aruco.DetectorParameters()
-    parameters.adaptiveThreshWinSizeMin, parameters.adaptiveThreshWinSizeMax, parameters.adaptiveThreshWinSizeStep = (
-        window_px
+def _observation(frame: CameraImage, markers: Markers, found: pose.PlanarPose) -> PadObservation:
+    return PadObservation(
+        t_ns=frame.t_ns,
+        camera=frame.camera,
+        detector=NAME,
+        pad_position_camera_m=found.position_m,
+        position_covariance_m2=found.position_covariance_m2,
+        q_camera_pad=found.q,
+        rotation_covariance_rad2=found.rotation_covariance_rad2,
+        q_camera_pad_alternative=found.q_alternative,
+        marker_ids=tuple(markers),
+        corners_px=tuple((float(u), float(v)) for quad in markers.values() for u, v in quad),
+        reprojection_error_px=found.reprojection_error_px,
     )
-    parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_NONE
-    return parameters
+
+
+def _side_px(quads: Array) -> Array:
+    """(M,) mean side."""
+    return np.asarray(np.linalg.norm(quads - np.roll(quads, 1, axis=1), axis=2).mean(axis=1))
 
 
 def _subpix(grey: Image, quads: Array) -> Array:

@@ -50,3 +50,12 @@ def unit_rows(vectors: Array) -> Array:
     """Each row scaled to length one."""
     lengths: Array = np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
     return np.asarray(vectors / lengths[:, None])
+
+
+def looking_at(direction_C: Array) -> Array:
+    """R_VC (3, 3) of a frame V whose z axis is `direction_C`, turned the short way."""
+    x, y, z = (float(v) for v in direction_C / np.linalg.norm(direction_C))
+    if z <= -0.999999:
+        return np.diag([1.0, -1.0, -1.0])
+    k = 1.0 / (1.0 + z)
+    return np.array([[1.0 - k * x * x, -k * x * y, -x], [-k * x * y, 1.0 - k * y * y, -y], [x, y, z]])

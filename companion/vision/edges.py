@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from companion.messages import Image
-from companion.vision.camera_model import Array
+from companion.vision.camera_model import Array, CameraModel, looking_at
 
 SAMPLES = 24
 """Cross-sections along an edge."""
@@ -20,42 +20,74 @@ _TRIM = 0.10
 """Fraction of the edge left out at each end, where the neighbouring edge disturbs the gradient."""
 
 
-def refined(image: Image, quads: Array, *, reach_px: Array) -> tuple[Array, Array]:
+def refined(image: Image, quads: Array, *, reach_px: Array, camera: CameraModel | None = None) -> tuple[Array, Array]:
     """Quadrangles (M, 4, 2) with corners moved to the intersections of their edge lines, and (M,) whether it went well.
 
     `reach_px` (M,) is how far from the given edges the true ones are searched. A dark quadrangle on a light ground is
-    expected: only gradients that brighten outwards count. Where a fit fails the quadrangle is returned unchanged.
+    expected: only gradients that brighten outwards count. Where a fit fails the quadrangle is returned unchanged. With a
+    lens that bends lines, the search follows the bent edge and the lines are fitted to rays.
     """
-    start = quads
-    along = np.roll(quads, -1, axis=1) - start
-    length = np.maximum(np.linalg.norm(along, axis=2, keepdims=True), 1e-6)
-    # Clockwise in the image (y down): the outward normal of an edge is its direction turned left.
-    outward = np.stack((along[..., 1], -along[..., 0]), axis=2) / length
-    offsets = _offsets(reach_px)
-    feet = start[:, :, None, :] + along[:, :, None, :] * _FRACTIONS[None, None, :, None]
-    weight, place = _edge_places(image, feet, outward, offsets)
-    points = feet + outward[:, :, None, :] * place[..., None]
-    lines, fitted = _lines(points, weight)
-    corners = _intersections(lines)
+    if camera is not None and not camera.keeps_lines_straight:
+        return _refined_bent(image, quads, reach_px, camera)
+    along = np.roll(quads, -1, axis=1) - quads
+    feet = quads[:, :, None, :] + along[:, :, None, :] * _FRACTIONS[None, None, :, None]
+    outward = _left_of(along)[:, :, None, :]
+    weight, place = _edge_places(image, feet, outward, _offsets(reach_px))
+    lines, fitted = _lines(feet + outward * place[..., None], weight, 0.05, _scatter_limit(reach_px))
+    return _accepted(quads, _intersections(lines), fitted, reach_px)
+
+
+def _refined_bent(image: Image, quads: Array, reach_px: Array, camera: CameraModel) -> tuple[Array, Array]:
+    """The same where straight edges look bent: feet on the image of the chord, lines on a plane across the line of sight."""
+    M = len(quads)
+    rays = camera.ray(quads.reshape(-1, 2)).reshape(M, 4, 3)
+    chord = np.roll(rays, -1, axis=1) - rays
+    on_chord = rays[:, :, None, :] + chord[:, :, None, :] * _FRACTIONS[None, None, :, None]
+    feet = camera.project(on_chord.reshape(-1, 3)).reshape(M, 4, SAMPLES, 2)
+    outward = _left_of(np.gradient(feet, axis=2))
+    weight, place = _edge_places(image, feet, outward, _offsets(reach_px))
+    seen = camera.ray((feet + outward * place[..., None]).reshape(-1, 2)).reshape(M, -1, 3)
+    R_VC = np.stack([looking_at(middle) for middle in rays.mean(axis=1)])
+    seen_V = np.einsum("mij,mnj->mni", R_VC, seen)
+    points = (seen_V[..., :2] / seen_V[..., 2:]).reshape(M, 4, SAMPLES, 2)
+    lines, fitted = _lines(points, weight, 0.05 / camera.focal_px, _scatter_limit(reach_px) / camera.focal_px)
+    corners_V = _intersections(lines)
+    corners_C = np.einsum("mij,mnj->mni", R_VC.transpose(0, 2, 1), np.insert(corners_V, 2, 1.0, axis=2))
+    corners = camera.project(corners_C.reshape(-1, 3)).reshape(M, 4, 2)
+    return _accepted(quads, corners, fitted, reach_px)
+
+
+def _scatter_limit(reach_px: Array) -> Array:
+    """(M,) px. Places found in noise alone scatter over the whole reach, with a median near a quarter of it."""
+    return np.asarray(np.maximum(0.4, 0.15 * reach_px))
+
+
+def _left_of(along: Array) -> Array:
+    """Unit vectors out of a quadrangle whose sides run clockwise in the image (y down): the direction turned left."""
+    length = np.maximum(np.linalg.norm(along, axis=-1, keepdims=True), 1e-6)
+    return np.asarray(np.stack((along[..., 1], -along[..., 0]), axis=-1) / length)
+
+
+def _accepted(quads: Array, corners: Array, fitted: Array, reach_px: Array) -> tuple[Array, Array]:
     moved = np.linalg.norm(corners - quads, axis=2).max(axis=1)
     good = fitted.all(axis=1) & np.isfinite(moved) & (moved <= 2.0 * reach_px + 1.0)
     return np.where(good[:, None, None], corners, quads), good
 
 
+_STEPS: Array = np.arange(-6, 7) / 6.0
 _FRACTIONS: Array = np.linspace(_TRIM, 1.0 - _TRIM, SAMPLES)
 
 
 def _offsets(reach_px: Array) -> Array:
-    """(M, K) signed distances along the normal; K odd, half a pixel apart at most for the smallest reach."""
-    steps = np.arange(-6, 7) / 6.0
-    return np.asarray(reach_px[:, None] * steps[None, :])
+    """(M, K) signed distances along the normal."""
+    return np.asarray(reach_px[:, None] * _STEPS[None, :])
 
 
 def _edge_places(image: Image, feet: Array, outward: Array, offsets: Array) -> tuple[Array, Array]:
     """Weight and offset (M, 4, S) of the edge on each cross-section."""
     M, edges, S, _ = feet.shape
     K = offsets.shape[1]
-    at = feet[:, :, :, None, :] + outward[:, :, None, None, :] * offsets[:, None, None, :, None]
+    at = feet[:, :, :, None, :] + outward[:, :, :, None, :] * offsets[:, None, None, :, None]
     flat = at.reshape(M * edges * S, K, 2).astype(np.float32)
     values = cv2.remap(image, flat[..., 0], flat[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     rise = np.maximum(np.diff(values.astype(np.float64), axis=1), 0.0).reshape(M, edges, S, K - 1)
@@ -66,17 +98,27 @@ def _edge_places(image: Image, feet: Array, outward: Array, offsets: Array) -> t
     return weight, place
 
 
-def _lines(points: Array, weight: Array) -> tuple[Array, Array]:
-    """Weighted total least squares lines (M, 4, 3) as n . x = c, refitted once without outliers; and whether they hold."""
+def _lines(points: Array, weight: Array, slack: float, limit: Array) -> tuple[Array, Array]:
+    """Weighted total least squares lines (M, 4, 3) as n . x = c, refitted once without outliers; and whether they hold.
+
+    Points within three median distances and `slack` (in the points' unit) stay; a median distance above `limit` (M,) is no
+    line.
+    """
     w = np.sqrt(weight)  # the squared gradient already favours strong edges; its root keeps one bright spot from ruling
-    w = np.minimum(w, 2.0 * np.median(w, axis=2, keepdims=True))
+    w = np.minimum(w, 2.0 * _median(w))
     for _ in range(2):
         lines = _fitted_lines(points, w)
         distance = np.abs(np.einsum("mesi,mei->mes", points, lines[..., :2]) - lines[..., 2:])
-        spread = np.median(distance, axis=2, keepdims=True)
-        w = np.where(distance <= 3.0 * spread + 0.05, w, 0.0)
-    fitted = (w > 0.0).sum(axis=2) >= SAMPLES // 2
+        spread = _median(distance)
+        w = np.where(distance <= 3.0 * spread + slack, w, 0.0)
+    fitted = ((w > 0.0).sum(axis=2) >= SAMPLES // 2) & (spread[..., 0] <= limit[:, None])
     return lines, fitted
+
+
+def _median(values: Array) -> Array:
+    """(M, 4, 1) upper median over the cross-sections; numpy's own costs ten times as much on arrays this small."""
+    middle = SAMPLES // 2
+    return np.asarray(np.partition(values, middle, axis=2)[..., middle : middle + 1])
 
 
 def _fitted_lines(points: Array, w: Array) -> Array:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from companion import config
 from companion.vision.camera_model import Array
@@ -54,6 +55,24 @@ def from_config(pad: config.Pad) -> PadLayout:
         corners_P={marker.id: marker_corners(marker) for marker in pad.markers},
         size_m={marker.id: marker.size_m for marker in pad.markers},
     )
+
+
+def readable_cells(layout: PadLayout, marker_id: int) -> npt.NDArray[np.bool_]:
+    """(cells, cells): False where the middle of a cell of this marker lies under a smaller marker or its quiet zone."""
+    n = layout.cells + 2
+    origin, right, _, down = layout.corners_P[marker_id]
+    middle = (np.arange(1, n - 1) + 0.5) / n
+    cells = origin + middle[None, :, None] * (right - origin) + middle[:, None, None] * (down - origin)
+    free = np.ones((layout.cells, layout.cells), dtype=bool)
+    for other, corners in layout.corners_P.items():
+        if other != marker_id and layout.size_m[other] < layout.size_m[marker_id]:
+            quiet = 1.0 + 2.0 / n
+            axis_x, axis_y = (corners[1] - corners[0]) / 2.0, (corners[3] - corners[0]) / 2.0
+            offset = cells - corners.mean(axis=0)
+            across = np.abs(offset @ axis_x) / (axis_x @ axis_x)
+            along = np.abs(offset @ axis_y) / (axis_y @ axis_y)
+            free &= np.maximum(across, along) > quiet
+    return free
 
 
 def dictionary(family: str) -> cv2.aruco.Dictionary:

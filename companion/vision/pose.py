@@ -15,7 +15,7 @@ import numpy as np
 
 from companion.geometry import dot, matrix_from_quaternion, quaternion_from_matrix
 from companion.messages import Mat3, Quaternion, Vec3
-from companion.vision.camera_model import Array, CameraModel
+from companion.vision.camera_model import Array, CameraModel, looking_at
 from companion.vision.detector import DetectionHint
 
 LEVEL_SIGMA_RAD = math.radians(8.0)
@@ -24,6 +24,8 @@ TRACK_SIGMA_RAD = math.radians(15.0)
 """How far the pad's predicted rotation may be off."""
 AMBIGUOUS_CHI2 = 13.8
 """The second pose is kept while it is no less likely than this against the first (chi-square of two tilts at 99.9 %)."""
+CLEARLY_WORSE_PX = 3.0
+"""Root mean square reprojection error above the better pose's at which the other needs no polishing."""
 _GAUSS_NEWTON_STEPS = 6
 
 
@@ -84,13 +86,13 @@ def reprojected(points_P: Array, pose: PlanarPose, camera: CameraModel) -> Array
 def _both_guesses(points_P: Array, pixels: Array, camera: CameraModel) -> list[tuple[Array, Array]]:
     """IPPE in a virtual pinhole that looks at the target, so that any lens and any direction will do."""
     rays = camera.ray(pixels)
-    R_VC = _looking_at(rays.mean(axis=0))
+    R_VC = looking_at(rays.mean(axis=0))
     rays_V = rays @ R_VC.T
     if not np.isfinite(rays_V).all() or float(rays_V[:, 2].min()) < 0.05:
         return []
     plane = rays_V[:, :2] / rays_V[:, 2:]
     try:
-        count, rotations, translations, _ = cv2.solvePnPGeneric(
+        count, rotations, translations, errors = cv2.solvePnPGeneric(
             points_P, plane[:, None, :], np.eye(3), None, flags=cv2.SOLVEPNP_IPPE
         )
     except cv2.error:  # collinear or coincident corners
@@ -99,19 +101,11 @@ def _both_guesses(points_P: Array, pixels: Array, camera: CameraModel) -> list[t
     for k in range(int(count)):
         R = cv2.Rodrigues(rotations[k])[0]
         p = translations[k].reshape(3)
-        if np.isfinite(R).all() and np.isfinite(p).all():
+        # IPPE reports the better one first; one that is off by whole pixels more is no rival.
+        excess_px = float(errors[k, 0] - errors[0, 0]) * camera.focal_px
+        if np.isfinite(R).all() and np.isfinite(p).all() and excess_px <= CLEARLY_WORSE_PX:
             guesses.append((R_VC.T @ R, R_VC.T @ p))
     return guesses
-
-
-def _looking_at(direction: Array) -> Array:
-    """R_VC of a frame V whose z axis is `direction` (in C), turned the short way."""
-    z = direction / np.linalg.norm(direction)
-    axis = np.array([-z[1], z[0], 0.0])
-    s = float(np.linalg.norm(axis))
-    angle = math.atan2(s, float(z[2]))
-    vector = axis / s * angle if s > 1e-12 else np.array([angle, 0.0, 0.0])
-    return np.asarray(cv2.Rodrigues(vector)[0].T)
 
 
 def _polished(points_P: Array, pixels: Array, camera: CameraModel, R: Array, p: Array) -> _Fit | None:
@@ -128,7 +122,7 @@ def _polished(points_P: Array, pixels: Array, camera: CameraModel, R: Array, p: 
             return None
         p = p + step[:3]
         R = cv2.Rodrigues(step[3:])[0] @ R
-        if float(np.abs(step).max()) < 1e-7:
+        if float(np.abs(step[3:]).max()) < 1e-5 and float(np.abs(step[:3]).max()) < 1e-5 * float(p[2]):
             break
     error = pixels - camera.project(points_P @ R.T + p)
     squared = float(np.sum(error * error))

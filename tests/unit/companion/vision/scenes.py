@@ -97,10 +97,19 @@ def picture(
     cv2.fillConvexPoly(mask, np.round(outline * 16).astype(np.int32), 255, shift=4)
     pad = cv2.resize(big, (width, height), interpolation=cv2.INTER_AREA).astype(np.float32)
     cover = cv2.resize(mask, (width, height), interpolation=cv2.INTER_AREA).astype(np.float32) / 255.0
-    rough = cv2.GaussianBlur(rng.normal(ground, 60.0, (height, width)).astype(np.float32), (0, 0), 1.5)
+    rough = ground + ground_texture(width, height, rng)
     image = cover * pad + (1.0 - cover) * rough
     image = cv2.GaussianBlur(image, (0, 0), blur_px) + rng.normal(0.0, noise, image.shape).astype(np.float32)
     return np.clip(np.rint(image), 0, 255).astype(np.uint8)
+
+
+def ground_texture(width: int, height: int, rng: np.random.Generator) -> npt.NDArray[np.float32]:
+    """Gravel and patches: four octaves of smooth noise, standard deviation about 40 grey levels."""
+    total = np.zeros((height, width), np.float32)
+    for cell_px in (2, 5, 12, 40):
+        coarse = rng.normal(0.0, 30.0, (height // cell_px + 2, width // cell_px + 2)).astype(np.float32)
+        total += cv2.resize(coarse, (width, height), interpolation=cv2.INTER_CUBIC)
+    return total
 
 
 def looking_down(yaw_rad: float = 0.0, tilt_x_rad: float = 0.0, tilt_y_rad: float = 0.0) -> npt.NDArray[np.float64]:
