@@ -398,13 +398,15 @@ class Pipeline:
             t_ns=facts.t_ns,
             valid_until_ns=facts.t_ns + round(control.setpoint_valid_s * 1e9),
             velocity_ned_m_s=limited,
-            yaw_rate_rad_s=self._yaw_rate(pose, pad),
+            yaw_rate_rad_s=self._yaw_rate(pose, pad, limited, facts.relative_position_m),
             acceleration_ned_m_s2=limited_length(acceleration, control.max_acceleration_m_s2)
             if control.acceleration_feedforward
             else None,
         )
 
-    def _yaw_rate(self, pose: VehiclePose, pad: PadEstimate | None) -> float:
+    def _yaw_rate(
+        self, pose: VehiclePose, pad: PadEstimate | None, commanded_m_s: Vec3, relative_m: Vec3 | None
+    ) -> float:
         control = self._config.control
         error = YAW_LAWS[control.yaw](
             YawInput(
@@ -412,6 +414,9 @@ class Pipeline:
                 initial_yaw_rad=self._start_yaw_rad,
                 pad_yaw_rad=None if pad is None or pad.vision_age_s is None else pad.yaw_rad,
                 velocity_ned_m_s=pose.velocity_ned_m_s,
+                yaw_rate_rad_s=pose.angular_velocity_frd_rad_s[2],
+                commanded_velocity_ned_m_s=commanded_m_s,
+                relative_position_m=relative_m,
             )
         )
         limit = math.radians(control.max_yaw_rate_deg_s)
