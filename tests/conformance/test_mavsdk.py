@@ -81,7 +81,7 @@ def test_mavsdk_refuses_offboard_without_a_setpoint_and_sees_denials() -> None:
         await action.arm()
         await action.takeoff()
         await until(lambda: rig.height_m > 1.5, "take-off")
-        with pytest.raises(Exception, match="(?i)denied"):
+        with pytest.raises(Exception, match=r"(?i)denied"):
             await action.disarm()
         assert rig.is_armed
         await action.kill()

@@ -167,7 +167,7 @@ def test_a_plain_disarm_is_refused_after_touchdown_until_landing_is_detected() -
     assert rig.acks()[-1] == (400, 1)
     assert rig.texts()[-1] == "Disarming denied: not landed\t"
     rig.run_until(lambda: rig.is_landed, 10.0)
-    rig.step()
+    rig.run(0.02)
     rig.command(400, 0)
     rig.run(0.1)
     assert rig.acks()[-1] == (400, 0)
