@@ -19,10 +19,10 @@ from pathlib import Path
 
 import numpy as np
 
+from companion.compiled import COMPILED
 from companion.config import Estimation
 from companion.estimation import ESTIMATORS
 from companion.estimation.bearing_ukf import predict_constant_velocity, update_bearing
-from companion.estimation.compiled import COMPILED
 from companion.estimation.measurement import PadMeasurement
 from companion.estimation.protocol import PadEstimator
 from companion.estimation.unicycle import predict_unicycle, update_position

@@ -23,10 +23,10 @@ from typing import Any
 
 import numpy as np
 
+from companion.compiled import COMPILED
 from companion.config import Planning
 from companion.planning import PLANNERS, FieldOfView, Limits, Plan, PlanRequest, admitting_start, fan
 from companion.planning.catmull_rom import catmull_rom_path
-from companion.planning.compiled import COMPILED
 from companion.planning.corridor import corridor_minimum_snap
 from companion.planning.min_jerk import MinJerkPlanner, end_times, floats, floats_of, integers, limit_array, pad_array
 from companion.planning.min_snap import (

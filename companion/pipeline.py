@@ -52,9 +52,9 @@ from companion.mission.goals import Goal, goal_of
 from companion.mission.machine import Machine
 from companion.mission.search import PATTERNS
 from companion.mission.touchdown import NO_EVIDENCE, TouchdownDetector, TouchdownEvidence, TouchdownSigns
+from companion.mount import mounted
 from companion.planning import PLANNERS
 from companion.planning.follower import FollowRequest, ReferenceFollower
-from companion.vision import mounted
 from companion.vision.detector import DetectionHint
 
 MAX_STATE_AGE_S = 0.25

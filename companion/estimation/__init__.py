@@ -24,7 +24,7 @@ from companion.estimation.oscillator import Oscillator
 from companion.estimation.protocol import PadEstimator
 from companion.estimation.sea import Sea
 from companion.estimation.static import Static
-from companion.estimation.tracker import PadTracker, camera_mount
+from companion.estimation.tracker import PadTracker
 from companion.estimation.unicycle import UnicycleSettings, start_unicycle
 from companion.estimation.vehicle_history import VehicleHistory, VehiclePose, VehicleReset
 from companion.estimation.weaving_turn import WeavingTurn
@@ -37,7 +37,6 @@ __all__ = [
     "VehicleHistory",
     "VehiclePose",
     "VehicleReset",
-    "camera_mount",
     "make_tracker",
 ]
 

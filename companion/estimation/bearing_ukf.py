@@ -14,7 +14,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Any
 
-from companion.estimation.compiled import compiled, room
+from companion.compiled import compiled, room
 from companion.estimation.gate import NS, AxisGate, Decision, judge
 from companion.estimation.measurement import CameraPose, PadMeasurement
 from companion.estimation.vertical import LevelGround, State

@@ -23,13 +23,6 @@ from companion.estimation.measurement import (
 )
 from companion.estimation.protocol import PadEstimator
 from companion.estimation.vehicle_history import VehicleHistory, VehiclePose, VehicleReset
-from companion.geometry import (
-    Q_FRD_CAMERA_DOWN,
-    Transform,
-    quaternion_from_euler,
-    quaternion_multiply,
-    quaternion_normalized,
-)
 from companion.messages import (
     MeasurementVerdict,
     ObservationSource,
@@ -40,6 +33,7 @@ from companion.messages import (
     RangeMeasurement,
     VehicleState,
 )
+from companion.mount import mounted
 
 RECENT_NS = 100_000_000
 SEEN_S = 0.2
@@ -54,20 +48,13 @@ SOURCES: dict[type, ObservationSource] = {
 }
 
 
-def camera_mount(camera: Camera) -> Transform:
-    """X_BC from the configuration: `mount_deg` turns a camera that looks straight down."""
-    roll, pitch, yaw = (math.radians(angle) for angle in camera.mount_deg)
-    q = quaternion_multiply(quaternion_from_euler(roll, pitch, yaw), Q_FRD_CAMERA_DOWN)
-    return Transform(q=quaternion_normalized(q), p=camera.position_frd_m)
-
-
 class PadTracker:
     """One pad, one vehicle."""
 
     def __init__(self, config: Estimation, pad: Pad, cameras: Mapping[str, Camera], estimator: PadEstimator) -> None:
         self._config = config
         self._pad = pad
-        self._mounts = {name: camera_mount(camera) for name, camera in cameras.items()}
+        self._mounts = {name: mounted(camera) for name, camera in cameras.items()}
         self._errors = VehicleErrors(
             tilt_rad=math.radians(config.vehicle_tilt_sigma_deg),
             yaw_rad=math.radians(config.vehicle_yaw_sigma_deg),

@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import MutableSequence, Sequence
 
-from companion.planning.compiled import compiled
+from companion.compiled import compiled
 
 L_SPEED2, L_CLIMB, L_DESCENT, L_RELATIVE2, L_ACCELERATION2, L_JERK2, L_THRUST2, L_LIFT, L_RATE2 = range(9)
 L_FLOOR_Z, L_VIEW_COSINE, L_VIEW_HEIGHT, L_CONE_RADIUS, L_CONE_SLOPE, L_CONE_TOP, L_GRAVITY = range(9, 16)

@@ -15,11 +15,11 @@ from typing import Any, cast
 
 import numpy as np
 
+from companion.compiled import COMPILED
 from companion.config import Planning
 from companion.geometry import norm, subtract
 from companion.messages import Vec3
 from companion.planning import fan
-from companion.planning.compiled import COMPILED
 from companion.planning.limits import GRAVITY_M_S2, TOLERANCE, Limits, capped, excess
 from companion.planning.proof import pad_velocities, prove
 from companion.planning.request import NoPlan, Plan, PlanRequest

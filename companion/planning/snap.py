@@ -14,7 +14,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from companion.planning.compiled import compiled
+from companion.compiled import compiled
 
 Array = npt.NDArray[np.float64]
 

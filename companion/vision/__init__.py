@@ -9,11 +9,10 @@ from companion.vision.aruco import ArucoDetector
 from companion.vision.camera_model import CameraModel
 from companion.vision.detector import Detection, DetectionHint, Detector
 from companion.vision.lens import CAMERA_MODELS
-from companion.vision.mount import mounted
 
 DETECTORS: dict[str, Callable[[config.Vision, config.Pad, CameraModel], Detector]] = {
     "aruco": ArucoDetector,
 }
 """Name in `[vision] detector` to the factory (vision, pad, lens)."""
 
-__all__ = ["CAMERA_MODELS", "DETECTORS", "CameraModel", "Detection", "DetectionHint", "Detector", "mounted"]
+__all__ = ["CAMERA_MODELS", "DETECTORS", "CameraModel", "Detection", "DetectionHint", "Detector"]

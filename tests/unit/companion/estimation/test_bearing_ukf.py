@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from pads import Path, error_m, frames, line, ns, still
 
+from companion.compiled import room
 from companion.config import Estimation
 from companion.estimation import ESTIMATORS, PadEstimator
 from companion.estimation.bearing_ukf import predict_constant_velocity, update_bearing
-from companion.estimation.compiled import room
 from companion.estimation.measurement import CameraPose, PadMeasurement
 from companion.messages import ObservationSource
 

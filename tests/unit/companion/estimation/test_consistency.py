@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from companion.compiled import room
 from companion.estimation.bank import Mixture, position_rows, start, update
 from companion.estimation.bank_track import VARIANCE_FLOOR_M2
-from companion.estimation.compiled import room
 from companion.estimation.constant_acceleration import ConstantAcceleration
 from companion.estimation.constant_velocity import ConstantVelocity
 from companion.estimation.coordinated_turn import CoordinatedTurn

@@ -5,7 +5,6 @@ import math
 import pytest
 
 from companion.config import Camera
-from companion.estimation import camera_mount
 from companion.estimation.measurement import (
     VehicleErrors,
     measurement_from_beacon,
@@ -16,8 +15,9 @@ from companion.estimation.measurement import (
 from companion.estimation.vehicle_history import VehiclePose
 from companion.geometry import quaternion_from_euler
 from companion.messages import PadBeacon, PadBearing, PadObservation, Vec3
+from companion.mount import mounted
 
-DOWN = camera_mount(Camera(position_frd_m=(0.0, 0.0, 0.0)))
+DOWN = mounted(Camera(position_frd_m=(0.0, 0.0, 0.0)))
 EXACT = VehicleErrors(0.0, 0.0, 0.0)
 NOISE = ((1e-4, 0.0, 0.0), (0.0, 4e-4, 0.0), (0.0, 0.0, 9e-4))
 
@@ -58,7 +58,7 @@ def test_attitude_error_is_range_times_tilt() -> None:
 
 
 def test_a_forward_camera_looks_forward() -> None:
-    mount = camera_mount(Camera(position_frd_m=(0.2, 0.0, 0.0), mount_deg=(0.0, 90.0, 0.0)))
+    mount = mounted(Camera(position_frd_m=(0.2, 0.0, 0.0), mount_deg=(0.0, 90.0, 0.0)))
     m = measurement_from_bearing(PadBearing(0, "front", "test", (0.0, 0.0, 1.0), 0.01), vehicle(), mount, EXACT)
     assert m.bearing_o == pytest.approx((1.0, 0.0, 0.0))
     assert m.camera is not None

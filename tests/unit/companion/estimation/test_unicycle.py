@@ -5,9 +5,9 @@ import math
 import pytest
 from pads import circle, error_m, figure_8, frames, line, ns, sights, still
 
+from companion.compiled import room
 from companion.config import Estimation
 from companion.estimation import ESTIMATORS
-from companion.estimation.compiled import room
 from companion.estimation.unicycle import predict_unicycle, update_position
 
 

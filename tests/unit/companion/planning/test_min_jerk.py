@@ -278,7 +278,7 @@ import json, sys
 import numpy as np
 sys.path.insert(0, {folder!r})
 from test_min_jerk import end_times, evaluated, random_request
-from companion.planning.compiled import COMPILED
+from companion.compiled import COMPILED
 rng = np.random.default_rng(17)
 out = []
 for _ in range(15):

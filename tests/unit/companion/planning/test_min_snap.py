@@ -199,7 +199,7 @@ def test_the_snap_cost_is_the_integral_of_squared_snap() -> None:
 SOLUTION = """
 import json
 import numpy as np
-from companion.planning.compiled import COMPILED
+from companion.compiled import COMPILED
 from companion.planning.min_snap import minimum_snap
 rng = np.random.default_rng(9)
 path = minimum_snap(rng.normal(size=(6, 3)), rng.uniform(0.5, 2.0, 5), rng.normal(size=(3, 3)), rng.normal(size=(3, 3)))

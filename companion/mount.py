@@ -1,4 +1,4 @@
-"""Where a camera sits on the vehicle: X_BC from the configuration.
+"""Where a camera sits on the vehicle: X_BC from the configuration. Used by estimation and by whoever predicts a view.
 
 `mount_deg` (roll, pitch, yaw) turns the camera from the reference mount, which looks straight down with the top of its image
 towards the nose: R_BC = R_zyx(yaw, pitch, roll) R_BC(down). Positive pitch lifts the optical axis from down towards the
