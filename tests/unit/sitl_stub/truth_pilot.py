@@ -53,7 +53,6 @@ class TruthPilot:
         """Pad's velocity, plus a pull to the point above the aim, plus what the wind and drag ask for."""
         truth = self.world.truth()
         x, y, z = truth.vehicle_in_pad_m
-        yaw = math.atan2(truth.pad_velocity_ned_m_s[1], truth.pad_velocity_ned_m_s[0])
         w, _, _, qz = truth.pad_q_ned_pad
         yaw = 2.0 * math.atan2(qz, w)
         ahead, right = self.aim_m[0] - x, self.aim_m[1] - y
@@ -69,6 +68,9 @@ class TruthPilot:
         scale = min(1.5 * off, 5.0) / max(off, 1e-6)
         height = -z - self.world.vehicle.airframe.feet.below_m
         down = 0.0 if off > 0.15 + 0.2 * max(height, 0.0) else min(0.4 + 0.3 * max(height, 0.0), 1.2)
+        if truth.contact.is_touching:
+            # Press on: a slow descent leaves PX4 hovering on one foot until its integrals tip it over.
+            down, scale = 1.5, 0.0
         vn = pad[0] + scale * north + self._integral[0] + 0.6 * (pad[0] - velocity[0])
         ve = pad[1] + scale * east + self._integral[1] + 0.6 * (pad[1] - velocity[1])
         values = (0, 0.0, 0.0, 0.0, vn, ve, down + pad[2], *acceleration, 0.0, 0.0)
@@ -76,8 +78,8 @@ class TruthPilot:
 
     def _should_disarm(self) -> bool:
         truth = self.world.truth()
-        self._touching_s = self._touching_s + PERIOD_S if truth.contact.feet_on_deck >= 3 else 0.0
-        return self.disarm and self._touching_s > 0.3 and truth.is_armed
+        self._touching_s = self._touching_s + PERIOD_S if truth.contact.feet_on_deck >= 1 else 0.0
+        return self.disarm and self._touching_s > 0.2 and truth.is_armed
 
     def command(self, number: int, *parameters: float) -> Datagram:
         values = (*parameters, *([0.0] * (7 - len(parameters))))
