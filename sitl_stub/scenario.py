@@ -88,6 +88,8 @@ class Pad(Section, frozen=True):
     friction: NonNegative = 0.7
     """Coulomb coefficient between the feet and the deck (static and sliding)."""
     ground_friction: NonNegative = 0.8
+    shelter: Fraction = 0.0
+    """Part of the air's motion against the deck that a cab or a wind screen takes away on it; 0: it stands in the wind."""
     restitution: Fraction = 0.15
     """Rebound speed over impact speed when all feet touch at once."""
 

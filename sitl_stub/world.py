@@ -28,6 +28,7 @@ from sitl_stub.randomness import generator
 from sitl_stub.rotation import Quaternion, Vec3, from_euler, rotate_back
 from sitl_stub.scenario import Scenario, load_pad
 from sitl_stub.sensors import distance_down
+from sitl_stub.shelter import sheltered
 from sitl_stub.start import Start, draw_start, vehicle_pose
 from sitl_stub.vehicle_setup import make_autopilot, make_wind, read_vehicle
 from sitl_stub.verdict import Judge, Verdict
@@ -89,6 +90,7 @@ class World:
         self._make_vehicle(start)
         self._wind = make_wind(scenario, start.wind_from_rad, generator(seed, "wind"))
         self._wind_ned_m_s: Vec3 = (0.0, 0.0, 0.0)
+        self._shelter = scenario.pad.shelter
         self._range = make_range_sensor(scenario, seed)
         self._beacon = Beacon(scenario.beacon, self.origin, generator(seed, "beacon"))
         self._waiting_beacon: list[tuple[int, list[bytes]]] = []
@@ -184,7 +186,10 @@ class World:
             for datagram in self._to_vehicle.due(t_us):
                 self.autopilot.receive(datagram.link, datagram.data, t_us)
         motors = self.autopilot.step(t_us, vehicle.truth(), self._range.value_m, STEP_S)
-        wind = self._wind_ned_m_s = self._wind.step(STEP_S, -vehicle.state.z)
+        wind = self._wind.step(STEP_S, -vehicle.state.z)
+        if self._shelter > 0.0:
+            wind = sheltered(wind, self._shelter, vehicle.position_ned_m, self._deck.at(t_us * 1e-6), self._shape)
+        self._wind_ned_m_s = wind
         self.t_us = t_us + STEP_US
         if t_us < self._clear_until_us or self._is_clear(t_us):
             vehicle.step(STEP_S, motors, wind)
