@@ -1,20 +1,25 @@
-"""The body of the carrier below the deck's top: its sides, and the shadow it throws on the ground."""
+"""What belongs to the carrier besides its textured faces: the deck's sides, the shadow it throws, the back of the board, and
+patches that lie on the deck."""
 
 from __future__ import annotations
+
+import math
+from collections.abc import Sequence
 
 import cv2
 import numpy as np
 
 from sitl_stub.camera.image import Floats, Image
-from sitl_stub.camera.light import Light
+from sitl_stub.camera.light import Light, Patch
 from sitl_stub.camera.mount import Pose
 from sitl_stub.camera.outline import bounds, fill, image_polygon
 from sitl_stub.camera.projection import Projection
-from sitl_stub.camera.scene import Scene
+from sitl_stub.camera.scene import Scene, Surface
 from sitl_stub.pad_layout import PadLayout
 
 _SIDE_GREY = 48.0
 _SUNLIT_GREY = 60.0
+_BOARD_BACK_GREY = 120.0
 _SHADE_REMAINING = 0.5
 
 
@@ -60,6 +65,26 @@ def paint_deck_shadow(
     hull = cv2.convexHull(np.concatenate([thrown, foot])[:, :2].astype(np.float32))[:, 0, :]
     outline = np.column_stack([hull.astype(np.float64), np.full(len(hull), scene.ground_down_m)])
     darken(canvas, image_polygon(outline @ X_CW.R.T + X_CW.p, projection, *canvas.shape[1::-1]), _SHADE_REMAINING)
+
+
+def paint_board_back(canvas: Image, projection: Projection, X_CS: Pose, board: Surface) -> None:
+    """The side of the board without a marker, where that is the one in view."""
+    if (X_CS.R.T @ X_CS.p)[2] > 0.0:
+        return
+    half = np.array([board.length_m / 2.0, board.width_m / 2.0, 0.0])
+    corners = np.array([[1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0], [-1.0, -1.0, 0.0]]) * half
+    fill(canvas, image_polygon(corners @ X_CS.R.T + X_CS.p, projection, *canvas.shape[1::-1]), _BOARD_BACK_GREY)
+
+
+def paint_covers(canvas: Image, projection: Projection, X_CP: Pose, covers: Sequence[Patch]) -> None:
+    """Rectangles on the deck's plane, each in its own grey."""
+    for patch in covers:
+        c, s = math.cos(patch.yaw_rad), math.sin(patch.yaw_rad)
+        along, across = np.array([c, s, 0.0]) * patch.size_m[0] / 2.0, np.array([-s, c, 0.0]) * patch.size_m[1] / 2.0
+        middle = np.array([*patch.centre_m, 0.0])
+        corners = np.array([along - across, along + across, across - along, -along - across]) + middle
+        polygon = image_polygon(corners @ X_CP.R.T + X_CP.p, projection, *canvas.shape[1::-1])
+        fill(canvas, polygon, patch.brightness)
 
 
 def darken(canvas: Image, polygon_px: Floats, remaining: float) -> None:

@@ -1,12 +1,13 @@
 """Light on the scene: how bright, a shadow's edge over the deck, glare; and patches that cover the marker.
 
-Everything here is data plus the tone curve; the painting is in camera.py. A brightness of 1 is a well exposed picture in
+Everything here is data plus the tone curve; shade.py and deck_box.py paint. A brightness of 1 is a well exposed picture in
 which the deck's paper has the grey of the pad file.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -62,10 +63,13 @@ class Patch:
     brightness: float = 70.0
 
 
-def tone_curve(light: Light) -> Image:
-    """(256,) table from the scene's grey to the sensor's: scaled, lifted by the black level, clipped. The table leaves a
-    nominal picture as it is."""
+@lru_cache(maxsize=64)
+def tone_curve(light: Light) -> Image | None:
+    """(256,) table from the scene's grey to the sensor's: scaled, lifted by the black level, clipped. None where it would
+    leave the picture as it is (brightness 1)."""
+    if light.brightness == 1.0:
+        return None
     scene = np.arange(256, dtype=np.float64)
-    scaled = scene * light.brightness + light.black_level * (1.0 - light.brightness)
+    scaled = scene * light.brightness + light.black_level * (1.0 - min(1.0, light.brightness))
     table: Image = np.rint(np.clip(scaled, 0.0, 255.0)).astype(np.uint8)
     return table

@@ -7,15 +7,18 @@ front of the camera. Only the deck's edges need blending by area; they are few p
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
-from sitl_stub.camera.coverage import blend_edges, edge_pixels
+from sitl_stub.camera.coverage import Integers, blend_edges, edge_pixels
+from sitl_stub.camera.ground import MARGIN_PX, TILE_PX, Ground
 from sitl_stub.camera.image import Floats, Image
+from sitl_stub.camera.motion import Twist
 from sitl_stub.camera.mount import Pose
-from sitl_stub.camera.outline import bounds, clip_half_plane, fill, image_polygon
+from sitl_stub.camera.outline import Box, bounds, clip_half_plane, fill, image_polygon
 from sitl_stub.camera.pinhole import Pinhole
 from sitl_stub.camera.pyramid import Pyramid, level_from_base
 from sitl_stub.camera.scene import Surface
@@ -33,38 +36,34 @@ class LinearPainter:
     projection: Pinhole
     K_inverse: Floats
 
-    def paint_ground(self, canvas: Image, X_CW: Pose, ground_down_m: float, ground: Pyramid, sky: Image) -> None:
-        """Fill the canvas with ground, and with `sky` (one pixel) above the horizon."""
+    def paint_ground(
+        self, canvas: Image, X_CW: Pose, twist: Twist, ground_down_m: float, drift_m: Floats, ground: Ground, sky: Image
+    ) -> None:
+        """Fill the canvas with ground, and with `sky` (one pixel) above the horizon. `twist` is not used: no row is late."""
         height_m = ground_down_m + float((X_CW.R.T @ X_CW.p)[2])
-        M = self._ground_texels(X_CW, height_m, ground)
         if height_m < _EDGE_ON_M:
             canvas[:] = sky
             return
-        for (x0, y0, x1, y1), level in _ground_tiles(M, ground, canvas.shape[1], canvas.shape[0]):
-            warp = level_from_base(level) @ M @ _shift(x0, y0)
-            canvas[y0:y1, x0:x1] = cv2.warpPerspective(
-                ground.levels[level],
-                warp,
-                (x1 - x0, y1 - y0),
-                flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
-                borderMode=cv2.BORDER_WRAP,
-            )
-        self._paint_sky(canvas, X_CW, ground.levels[-1][0, 0], sky)
+        M = self._ground_texels(X_CW, height_m, drift_m, ground)
+        for box, level in _ground_tiles(M, ground, canvas.shape[1], canvas.shape[0]):
+            _warp_ground(canvas, ground, level, M, box)
+        self._paint_sky(canvas, X_CW, ground.mean, sky)
 
-    def paint_surface(self, canvas: Image, X_CS: Pose, surface: Surface) -> None:
-        """Draw the face where its front is in view."""
+    def paint_surface(self, canvas: Image, X_CS: Pose, twist: Twist, surface: Surface) -> Box | None:
+        """Draw the face where its front is in view; returns the region it lies in. `twist` is not used."""
         camera_S = -(X_CS.R.T @ X_CS.p)
         if camera_S[2] > -_EDGE_ON_M:
-            return
+            return None
         half = np.array([surface.length_m / 2.0, surface.width_m / 2.0, 0.0])
         corners = np.array([[1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0], [-1.0, -1.0, 0.0]]) * half
         polygon = image_polygon(corners @ X_CS.R.T + X_CS.p, self.projection, canvas.shape[1], canvas.shape[0])
         box = bounds(polygon, canvas.shape[1], canvas.shape[0])
         if box is None:
-            return
+            return None
         M = self._surface_texels(X_CS, surface)
         warped = _warp_box(surface.pyramid, M, box, polygon)
         _compose(canvas, warped, box, polygon, M, surface.pyramid.levels[0].shape[:2])
+        return box
 
     def _surface_texels(self, X_CS: Pose, surface: Surface) -> Floats:
         rows, columns = surface.pyramid.levels[0].shape[:2]
@@ -72,13 +71,13 @@ class LinearPainter:
         texels = np.array([[0.0, per_m, columns / 2.0 - 0.5], [-per_m, 0.0, rows / 2.0 - 0.5], [0.0, 0.0, 1.0]])
         return _normalized(texels @ self._plane_from_pixel(X_CS), X_CS)
 
-    def _ground_texels(self, X_CW: Pose, height_m: float, ground: Pyramid) -> Floats:
+    def _ground_texels(self, X_CW: Pose, height_m: float, drift_m: Floats, ground: Ground) -> Floats:
         """Rows run south, columns east; whole tiles are taken off so that texel numbers stay small."""
         camera_W = -(X_CW.R.T @ X_CW.p)
         below = Pose(X_CW.R, X_CW.R @ np.array([0.0, 0.0, height_m]))
-        mpt = ground.metres_per_texel
-        tile_m = ground.levels[0].shape[0] * mpt
-        north, east = camera_W[0] % tile_m, camera_W[1] % tile_m
+        mpt = ground.pyramid.metres_per_texel
+        tile_m = TILE_PX * mpt
+        north, east = (camera_W[:2] - drift_m) % tile_m
         texels = np.array([[0.0, 1.0 / mpt, east / mpt - 0.5], [-1.0 / mpt, 0.0, -north / mpt - 0.5], [0.0, 0.0, 1.0]])
         return _normalized(texels @ self._plane_from_pixel(below), below)
 
@@ -110,7 +109,7 @@ def _normalized(M: Floats, X_CS: Pose) -> Floats:
     return M * math.copysign(1.0, float(X_CS.R[:, 2] @ X_CS.p))
 
 
-def _shift(x: int, y: int) -> Floats:
+def _shift(x: float, y: float) -> Floats:
     return np.array([[1.0, 0.0, x], [0.0, 1.0, y], [0.0, 0.0, 1.0]])
 
 
@@ -128,26 +127,62 @@ def texels_per_px(M: Floats, x: float, y: float) -> float:
     return max(math.sqrt(area), longest / 2.0)
 
 
-Box = tuple[int, int, int, int]
-
-
-def _ground_tiles(M: Floats, ground: Pyramid, width: int, height: int) -> list[tuple[Box, int]]:
-    """Regions of the frame with the level each is drawn from: one if a single level does, tiles otherwise."""
-    corners = [(x, y) for x in (0, width - 1) for y in (0, height - 1)]
-    levels = {_ground_level(M, ground, x, y) for x, y in (*corners, (width / 2, height / 2))}
-    if len(levels) == 1:
-        return [((0, 0, width, height), levels.pop())]
+def _ground_tiles(M: Floats, ground: Ground, width: int, height: int) -> list[tuple[Box, int]]:
+    """Regions of the frame with the level each is drawn from: one where levels hardly differ, tiles otherwise."""
+    middle = _ground_level(M, ground, width / 2, height / 2)
+    corners = [_ground_level(M, ground, x, y) for x in (0, width - 1) for y in (0, height - 1)]
+    if max(corners, key=lambda level: abs(level - middle)) in (middle - 1, middle, middle + 1):
+        return [((0, 0, width, height), middle)]
     tiles = []
     for y0 in range(0, height, _TILE_PX[1]):
-        for x0 in range(0, width, _TILE_PX[0]):
-            x1, y1 = min(width, x0 + _TILE_PX[0]), min(height, y0 + _TILE_PX[1])
-            tiles.append(((x0, y0, x1, y1), _ground_level(M, ground, (x0 + x1) / 2, (y0 + y1) / 2)))
+        y1 = min(height, y0 + _TILE_PX[1])
+        starts = range(0, width, _TILE_PX[0])
+        levels = [_ground_level(M, ground, x0 + _TILE_PX[0] / 2, (y0 + y1) / 2) for x0 in starts]
+        tiles += [((x0, y0, x1, y1), level) for x0, x1, level in _runs(starts, levels, width)]
     return tiles
 
 
-def _ground_level(M: Floats, ground: Pyramid, x: float, y: float) -> int:
+def _runs(starts: Sequence[int], levels: Sequence[int], end: int) -> list[tuple[int, int, int]]:
+    """Neighbours of one level joined: (start, end, level)."""
+    runs: list[tuple[int, int, int]] = []
+    for start, stop, level in zip(starts, (*starts[1:], end), levels, strict=True):
+        if runs and runs[-1][2] == level:
+            runs[-1] = (runs[-1][0], stop, level)
+        else:
+            runs.append((start, stop, level))
+    return runs
+
+
+def _ground_level(M: Floats, ground: Ground, x: float, y: float) -> int:
     density = texels_per_px(M, x, y)
-    return ground.level_for(density) if math.isfinite(density) else len(ground.levels) - 1
+    return ground.level_for(density) if math.isfinite(density) else len(ground.repeated) - 1
+
+
+def _warp_ground(canvas: Image, ground: Ground, level: int, M: Floats, box: Box) -> None:
+    x0, y0, x1, y1 = box
+    warp = level_from_base(level) @ M @ _shift(x0, y0)
+    fitting = _fitting(warp, x1 - x0, y1 - y0, TILE_PX >> level)
+    cv2.warpPerspective(
+        ground.pyramid.levels[level] if fitting is None else ground.repeated[level],
+        warp if fitting is None else fitting,
+        (x1 - x0, y1 - y0),
+        dst=canvas[y0:y1, x0:x1],
+        flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+        borderMode=cv2.BORDER_WRAP,
+    )
+
+
+def _fitting(warp: Floats, width: int, height: int, tile_px: int) -> Floats | None:
+    """The warp moved by whole tiles so that its view lies inside a repeated level; None where it is too large for one."""
+    corners = warp @ np.array([[0.0, width - 1.0, 0.0, width - 1.0], [0.0, 0.0, height - 1.0, height - 1.0], [1.0] * 4])
+    if corners[2].min() <= 0.0:
+        return None
+    texels = corners[:2] / corners[2]
+    low = texels.min(axis=1)
+    tiles = np.floor(low / tile_px)
+    if (texels.max(axis=1) - tiles * tile_px >= tile_px + MARGIN_PX - 1).any():
+        return None
+    return _shift(-float(tiles[0]) * tile_px, -float(tiles[1]) * tile_px) @ warp
 
 
 def _warp_box(pyramid: Pyramid, M: Floats, box: Box, polygon: Floats) -> Image:
@@ -177,7 +212,7 @@ def _compose(canvas: Image, warped: Image, box: Box, polygon: Floats, M: Floats,
     blend_edges(region, rows, columns, before, warped[rows, columns], share)
 
 
-def _share(M: Floats, x: Floats, y: Floats, texels: tuple[int, int]) -> Floats:
+def _share(M: Floats, x: Integers, y: Integers, texels: tuple[int, int]) -> Floats:
     """Covered share of the pixels (x, y), from the distance to the nearest edge in texels over the pixel's own span."""
     q = M[:, :1] * x + M[:, 1:2] * y + M[:, 2:3]
     depth = np.where(q[2] > 0.0, q[2], np.inf)

@@ -30,7 +30,8 @@ def mount_rotation(mount_deg: Vec3) -> Floats:
     rx = np.array([[1.0, 0.0, 0.0], [0.0, cr, -sr], [0.0, sr, cr]])
     ry = np.array([[cp, 0.0, sp], [0.0, 1.0, 0.0], [-sp, 0.0, cp]])
     rz = np.array([[cy, -sy, 0.0], [sy, cy, 0.0], [0.0, 0.0, 1.0]])
-    return rz @ ry @ rx @ R_BC_DOWN
+    R_BC: Floats = rz @ ry @ rx @ R_BC_DOWN
+    return R_BC
 
 
 def rotation_matrix(q: Quaternion) -> Floats:

@@ -8,6 +8,9 @@ import numpy as np
 from sitl_stub.camera.image import Floats, Image
 from sitl_stub.camera.projection import Projection
 
+Box = tuple[int, int, int, int]
+"""(x0, y0, x1, y1), half open."""
+
 NEAR_M = 0.01
 _MARGIN_PX = 16.0
 _PIECES = 16
@@ -29,12 +32,12 @@ def clip_half_plane(points: Floats, signed_distance: Floats) -> Floats:
 def image_polygon(points_C: Floats, projection: Projection, width_px: int, height_px: int) -> Floats:
     """(n, 2) pixels of a convex polygon given by its corners in C (m, 3), a little beyond the frame at most; (0, 2) where it
     is not in view. Curved edges of a fisheye are drawn in 16 pieces each."""
+    visible = clip_half_plane(points_C, points_C[:, 2] - NEAR_M)
+    if len(visible) < 3:
+        return np.empty((0, 2))
     if projection.is_linear:
-        visible = clip_half_plane(points_C, points_C[:, 2] - NEAR_M)
-        if len(visible) < 3:
-            return np.empty((0, 2))
         return _clip_frame(projection.project(visible), width_px, height_px)
-    pixels = projection.project(_subdivided(points_C))
+    pixels = projection.project(_subdivided(visible))
     return pixels[np.isfinite(pixels).all(axis=1)]
 
 
@@ -47,8 +50,8 @@ def fill(image: Image, polygon_px: Floats, value: float | tuple[float, ...]) -> 
     cv2.fillPoly(image, [fixed], colour, cv2.LINE_AA, _SHIFT)
 
 
-def bounds(polygon_px: Floats, width_px: int, height_px: int) -> tuple[int, int, int, int] | None:
-    """(x0, y0, x1, y1), half open, of the pixels a polygon can touch; None where it touches none."""
+def bounds(polygon_px: Floats, width_px: int, height_px: int) -> Box | None:
+    """The pixels a polygon can touch; None where it touches none."""
     if len(polygon_px) < 3:
         return None
     (x0, y0), (x1, y1) = np.floor(polygon_px.min(axis=0)) - 1, np.ceil(polygon_px.max(axis=0)) + 2

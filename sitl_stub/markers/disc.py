@@ -15,4 +15,5 @@ def centred_grid(size_px: int) -> tuple[Floats32, Floats32]:
 
 def coverage(inside: Floats32, size_px: int) -> Floats32:
     """Share of each pixel that lies inside a shape, from the signed distance to its edge in units of the side."""
-    return np.clip(inside * np.float32(size_px) + np.float32(0.5), 0.0, 1.0).astype(np.float32)
+    share: Floats32 = np.clip(inside * np.float32(size_px) + np.float32(0.5), 0.0, 1.0).astype(np.float32)
+    return share
