@@ -101,7 +101,7 @@ class ArucoDetector:
         """Corners by their edges: from as far as the prediction may be off, less than a cell, down to the edge itself."""
         if self._vision.refine != "edges":
             kept = _subpix(grey, quads) if self._vision.refine == "subpix" else quads
-            return kept, np.ones(len(quads), dtype=bool)
+            return kept, np.ones(len(quads), dtype=np.bool_)
         cell = _side_px(quads) / (self._layout.cells + 2)
         reach = np.clip(reach_px, _FINE_PX, np.maximum(0.9 * cell, _FINE_PX))
         while float(reach.max()) > _FINE_PX:
