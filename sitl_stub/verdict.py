@@ -63,6 +63,10 @@ class Verdict:
     touchdown_s: float | None = None
     touchdown_error_m: float | None = None
     """Horizontal distance (pad frame) of the vehicle's reference point from the pad's centre at touchdown."""
+    touchdown_error_along_m: float | None = None
+    """Its part along the pad's travel; positive: too far ahead."""
+    touchdown_error_across_m: float | None = None
+    """Its part to the right of the pad's travel."""
     final_error_m: float | None = None
     """The same at the end."""
     touchdown_relative_speed_horizontal_m_s: float | None = None
@@ -83,7 +87,8 @@ class Verdict:
 @dataclass(frozen=True, slots=True)
 class _Touchdown:
     t_s: float
-    error_m: float
+    along_m: float
+    across_m: float
     horizontal_m_s: float
     vertical_m_s: float
     tilt_deg: float
@@ -169,7 +174,9 @@ class Judge:
             is_success=self._ending is Ending.ON_PAD and self._is_good_enough(),
             t_s=self._end_t_s if self.is_over else t_s,
             touchdown_s=touchdown.t_s if touchdown else None,
-            touchdown_error_m=touchdown.error_m if touchdown else None,
+            touchdown_error_m=math.hypot(touchdown.along_m, touchdown.across_m) if touchdown else None,
+            touchdown_error_along_m=touchdown.along_m if touchdown else None,
+            touchdown_error_across_m=touchdown.across_m if touchdown else None,
             final_error_m=self._final_error_m,
             touchdown_relative_speed_horizontal_m_s=touchdown.horizontal_m_s if touchdown else None,
             touchdown_relative_speed_vertical_m_s=touchdown.vertical_m_s if touchdown else None,
@@ -182,7 +189,8 @@ class Judge:
         touchdown, s = self._touchdown, self._success
         if touchdown is None:
             return False
-        error_ok = s.max_touchdown_error_m is None or touchdown.error_m <= s.max_touchdown_error_m
+        error_m = math.hypot(touchdown.along_m, touchdown.across_m)
+        error_ok = s.max_touchdown_error_m is None or error_m <= s.max_touchdown_error_m
         return error_ok and touchdown.vertical_m_s <= s.max_vertical_speed_m_s
 
     def _watch_motors(self, t_s: float, motors_run: bool, touching: bool, gap_m: float) -> None:
@@ -214,7 +222,7 @@ class Judge:
             self._hit_side = False
             horizontal = math.hypot(relative[0], relative[1])
             tilt = math.degrees(tilt_between(q_ned_frd, deck))
-            self._touchdown = _Touchdown(t_s, pad_distance(position, deck), horizontal, relative[2], tilt)
+            self._touchdown = _Touchdown(t_s, *pad_offset(position, deck), horizontal, relative[2], tilt)
         self._last_deck_touch_s, self._ground_touch_s = t_s, math.inf
         self._deck_time_s += dt_s
         self._was_on_deck_lastingly = self._deck_time_s >= _LASTING_S
@@ -260,9 +268,14 @@ def relative_velocity(position: Vec3, velocity: Vec3, deck: DeckState) -> Vec3:
 
 def pad_distance(position: Vec3, deck: DeckState) -> float:
     """Distance from the pad's centre in the plane of the pad."""
+    return math.hypot(*pad_offset(position, deck))
+
+
+def pad_offset(position: Vec3, deck: DeckState) -> tuple[float, float]:
+    """From the pad's centre in the plane of the pad: along its travel, and to the right of it."""
     r, o = deck.rotation_ned_deck, deck.position_ned_m
     dx, dy, dz = position[0] - o[0], position[1] - o[1], position[2] - o[2]
-    return math.hypot(r[0] * dx + r[3] * dy + r[6] * dz, r[1] * dx + r[4] * dy + r[7] * dz)
+    return r[0] * dx + r[3] * dy + r[6] * dz, r[1] * dx + r[4] * dy + r[7] * dz
 
 
 def upright_angle(q_ned_frd: Quaternion) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from companion.campaign.runner import OUTCOMES, FlightResult
@@ -19,6 +20,9 @@ def summary(result: FlightResult, *, scenario: str, seed: int, wall_s: float) ->
         "scenario": scenario,
         "simulated": True,
         "touchdown_error_m": _rounded(verdict.touchdown_error_m),
+        "touchdown_error_along_m": _rounded(verdict.touchdown_error_along_m),
+        "touchdown_error_across_m": _rounded(verdict.touchdown_error_across_m),
+        "touchdown_tilt_deg": _rounded(verdict.touchdown_tilt_deg),
         "touchdown_relative_speed_horizontal_m_s": _rounded(verdict.touchdown_relative_speed_horizontal_m_s),
         "touchdown_relative_speed_vertical_m_s": _rounded(verdict.touchdown_relative_speed_vertical_m_s),
         "time_to_touchdown_s": _between(result.start_s, result.touchdown_s),
@@ -48,6 +52,11 @@ def summary_line(figures: dict[str, Any]) -> str:
         f"{figures['time_to_touchdown_s'] or 0.0:.1f} s after the start "
         f"(simulated, seed {figures['seed']}, {figures['real_time_factor'] or 0.0:.1f} x real time)"
     )
+
+
+def repeatable(figures: Mapping[str, Any]) -> dict[str, Any]:
+    """The figures without those that depend on the machine: equal for two runs of the same seed."""
+    return {key: value for key, value in figures.items() if key not in WALL_KEYS}
 
 
 def _between(begin_s: float | None, end_s: float | None) -> float | None:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 
+import pytest
+
 from sitl_stub.carriers.deck import DeckState
 from sitl_stub.contact import ContactState
 from sitl_stub.scenario import Success
-from sitl_stub.verdict import Ending, Judge, pad_distance, relative_velocity, tilt_between
+from sitl_stub.verdict import Ending, Judge, pad_distance, pad_offset, relative_velocity, tilt_between
 
 FLAT = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 DECK = DeckState((10.0, 0.0, -0.5), (2.0, 0.0, 0.0), FLAT, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
@@ -119,5 +121,6 @@ def test_distance_speed_and_tilt_are_those_of_the_turning_tilted_deck() -> None:
     deck = DeckState((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), tilted, (0.0, 0.0, 0.5), (0.0, slope, 0.0))
     along = (2.0 * math.cos(slope), 0.0, -2.0 * math.sin(slope))
     assert math.isclose(pad_distance(along, deck), 2.0)
+    assert pad_offset((along[0], -0.5, along[2]), deck) == pytest.approx((2.0, -0.5))
     assert math.isclose(tilt_between(LEVEL, deck), slope)
     assert relative_velocity((2.0, 0.0, 0.0), (1.0, 1.0, 0.0), deck) == (0.0, 0.0, 0.0)
