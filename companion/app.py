@@ -13,13 +13,10 @@ import gc
 import signal
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
-import cv2
-import numpy as np
 from rich.console import Console
 from rich.live import Live
 
@@ -29,13 +26,13 @@ from companion.io.links import open_link
 from companion.io.mjpeg import CameraError, JpegFrame, frames
 from companion.io.run_folder import RunFolder
 from companion.io.tlog import TlogWriter
-from companion.messages import CameraImage, Health, OperatorAction, PadNotSeen, Phase, VelocitySetpoint
+from companion.messages import Health, OperatorAction, PadNotSeen, Phase, VelocitySetpoint
 from companion.onboard import JournalEntry, Onboard
 from companion.telemetry.flight_record import FlightRecord
 from companion.telemetry.live_view import LiveView
 from companion.telemetry.report import report_html
-from companion.vision import DETECTORS, Detection, DetectionHint, Detector
-from companion.vision.lens import from_config
+from companion.vision import Detection
+from companion.vision_worker import VisionWorker
 
 SPIN_NS = 1_000_000
 """The event loop wakes up to a millisecond late; the last one before a deadline is polled."""
@@ -67,6 +64,15 @@ class LiveCounters:
     frames_dropped: int = 0
     first_sight_ns: int | None = None
     setpoint_sent_ns: list[int] = field(default_factory=list)
+    frame_to_setpoint_ns: list[int] = field(default_factory=list)
+    frame_waiting_ns: int | None = None
+    """Arrival of the latest frame that was used and that no setpoint has followed yet."""
+
+    def note_setpoint(self, now_ns: int) -> None:
+        self.setpoint_sent_ns.append(now_ns)
+        if self.frame_waiting_ns is not None:
+            self.frame_to_setpoint_ns.append(now_ns - self.frame_waiting_ns)
+            self.frame_waiting_ns = None
 
 
 class LiveApp:
@@ -82,9 +88,7 @@ class LiveApp:
         self._stop = asyncio.Event()
         self._newest: tuple[str, JpegFrame, int] | None = None
         self._frame_ready = asyncio.Event()
-        self._worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix="vision")
-        camera = config.cameras[config.vision.camera]
-        self._detector: Detector = DETECTORS[config.vision.detector](config.vision, config.pad, from_config(camera))
+        self._worker = VisionWorker(config)
 
     @property
     def period_ns(self) -> int:
@@ -97,7 +101,7 @@ class LiveApp:
 
     async def run(self) -> Phase:
         """Fly until done; the phase at the end."""
-        cv2.setNumThreads(1)
+        await self._worker.warm_up()
         gc.collect()
         gc.freeze()  # a full collection under load would cost tens of milliseconds of the control loop
         async with open_link(self._config.link.url, self._on_datagram) as link:
@@ -114,7 +118,7 @@ class LiveApp:
                         task.cancel()
             finally:
                 self._link = None
-                self._worker.shutdown(wait=False, cancel_futures=True)
+                self._worker.close()
                 for sink in self._sinks:
                     sink.close()
         return self.onboard.pipeline.phase
@@ -164,7 +168,7 @@ class LiveApp:
                 sink.datagram(now_ns, data, outgoing=True)
         entries = self.onboard.take_journal()
         if any(isinstance(entry.message, VelocitySetpoint) for entry in entries):
-            self.counters.setpoint_sent_ns.append(time.monotonic_ns())
+            self.counters.note_setpoint(time.monotonic_ns())
         for sink in self._sinks:
             sink.journal(entries)
 
@@ -191,7 +195,6 @@ class LiveApp:
 
     async def _detect(self) -> None:
         """Newest frame to the worker, its answer to the pipeline."""
-        loop = asyncio.get_running_loop()
         while True:
             await self._frame_ready.wait()
             self._frame_ready.clear()
@@ -200,17 +203,11 @@ class LiveApp:
             (name, frame, arrived_ns), self._newest = self._newest, None
             stamp = self.onboard.capture_time_ns(name, capture_boot_us=frame.capture_boot_us, arrived_ns=arrived_ns)
             hint = self.onboard.hint(name, stamp)
-            detection = await loop.run_in_executor(self._worker, self._look, name, frame, stamp, hint)
+            detection = await self._worker.look(name, frame.jpeg, t_ns=stamp, sequence=frame.sequence or 0, hint=hint)
             self._count(detection)
+            self.counters.frame_waiting_ns = arrived_ns
             self.onboard.receive(detection, time.monotonic_ns())
             self._flush()
-
-    def _look(self, name: str, frame: JpegFrame, t_ns: int, hint: DetectionHint | None) -> Detection:
-        """In the worker thread: decompress and search. cv2 releases the interpreter lock in both."""
-        image = cv2.imdecode(np.frombuffer(frame.jpeg, dtype=np.uint8), cv2.IMREAD_UNCHANGED)
-        if image is None:
-            return PadNotSeen(t_ns, name, self._config.vision.detector, "the frame is not a readable JPEG")
-        return self._detector.detect(CameraImage(t_ns, name, np.asarray(image, np.uint8), frame.sequence or 0), hint)
 
     def _count(self, detection: Detection) -> None:
         self.counters.frames += 1

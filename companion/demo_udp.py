@@ -117,17 +117,19 @@ def _figures(app: LiveApp, ending: Mapping[str, Any], options: DemoOptions, wall
         "final_phase": str(phase),
         "final_note": app.onboard.pipeline.note,
         "setpoint_timing_ms": timing_ms(counters.setpoint_sent_ns, app.period_ns),
+        "frame_to_setpoint_ms": _percentiles_ms(counters.frame_to_setpoint_ns),
     }
 
 
 def timing_ms(sent_ns: list[int], period_ns: int) -> dict[str, float]:
     """Deviation of the gaps between setpoints from their period, ms: median, p99, max."""
-    gaps = sorted(abs(b - a - period_ns) / 1e6 for a, b in pairwise(sent_ns))
-    if not gaps:
+    gaps_ns = [abs(later - earlier - period_ns) for earlier, later in pairwise(sent_ns)]
+    return {"count": len(gaps_ns), **_percentiles_ms(gaps_ns)}
+
+
+def _percentiles_ms(values_ns: list[int]) -> dict[str, float]:
+    if not values_ns:
         return {}
-    return {
-        "count": len(gaps),
-        "p50": round(gaps[len(gaps) // 2], 3),
-        "p99": round(gaps[min(len(gaps) - 1, int(0.99 * len(gaps)))], 3),
-        "max": round(gaps[-1], 3),
-    }
+    ordered = sorted(values_ns)
+    at = {"p50": len(ordered) // 2, "p99": int(0.99 * (len(ordered) - 1)), "max": len(ordered) - 1}
+    return {name: round(ordered[index] / 1e6, 3) for name, index in at.items()}

@@ -15,8 +15,8 @@ from typing import Protocol
 from companion.config import Config
 from companion.messages import CameraImage, CommandKind, Image, OperatorAction, PadNotSeen, Phase, VehicleCommand
 from companion.onboard import JournalEntry, Onboard
-from companion.vision import DETECTORS, Detector
-from companion.vision.lens import from_config
+from companion.vision import Detector
+from companion.vision_worker import build_detector
 from sitl_stub.datagram_faults import Datagram
 from sitl_stub.scenario import Scenario
 from sitl_stub.verdict import Verdict
@@ -107,7 +107,7 @@ class _Flight:
         self._world = World(scenario, seed)
         self._limit_s = scenario.duration_limit_s
         self._onboard = Onboard(config, start_ns=CLOCK_OFFSET_NS)
-        self._detectors = build_detectors(config)
+        self._detectors: dict[str, Detector] = {config.vision.camera: build_detector(config)}
         self._sinks = sinks
         self._script = sorted(operator.actions)
         self._autostart = operator.start
@@ -237,10 +237,3 @@ def _outcome(verdict: Verdict, phase: Phase, interrupted: bool) -> str:
     if interrupted:
         return "interrupted"
     return "held" if phase in (Phase.IDLE, Phase.HOLD, Phase.RETURN) else "timeout"
-
-
-def build_detectors(config: Config) -> dict[str, Detector]:
-    """One detector per configured camera that the vision section names."""
-    name = config.vision.camera
-    camera = config.cameras[name]
-    return {name: DETECTORS[config.vision.detector](config.vision, config.pad, from_config(camera))}
