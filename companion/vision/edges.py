@@ -10,9 +10,12 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from companion.messages import Image
 from companion.vision.camera_model import Array, CameraModel, looking_at
+
+Mask = npt.NDArray[np.bool_]
 
 SAMPLES = 24
 """Cross-sections along an edge."""
@@ -20,7 +23,7 @@ _TRIM = 0.10
 """Fraction of the edge left out at each end, where the neighbouring edge disturbs the gradient."""
 
 
-def refined(image: Image, quads: Array, *, reach_px: Array, camera: CameraModel | None = None) -> tuple[Array, Array]:
+def refined(image: Image, quads: Array, *, reach_px: Array, camera: CameraModel | None = None) -> tuple[Array, Mask]:
     """Quadrangles (M, 4, 2) with corners moved to the intersections of their edge lines, and (M,) whether it went well.
 
     `reach_px` (M,) is how far from the given edges the true ones are searched. A dark quadrangle on a light ground is
@@ -37,7 +40,7 @@ def refined(image: Image, quads: Array, *, reach_px: Array, camera: CameraModel 
     return _accepted(quads, _intersections(lines), fitted, reach_px)
 
 
-def _refined_bent(image: Image, quads: Array, reach_px: Array, camera: CameraModel) -> tuple[Array, Array]:
+def _refined_bent(image: Image, quads: Array, reach_px: Array, camera: CameraModel) -> tuple[Array, Mask]:
     """The same where straight edges look bent: feet on the image of the chord, lines on a plane across the line of sight."""
     M = len(quads)
     rays = camera.ray(quads.reshape(-1, 2)).reshape(M, 4, 3)
@@ -68,12 +71,15 @@ def _left_of(along: Array) -> Array:
     return np.asarray(np.stack((along[..., 1], -along[..., 0]), axis=-1) / length)
 
 
-def _accepted(quads: Array, corners: Array, fitted: Array, reach_px: Array) -> tuple[Array, Array]:
+def _accepted(quads: Array, corners: Array, fitted: Mask, reach_px: Array) -> tuple[Array, Mask]:
     moved = np.linalg.norm(corners - quads, axis=2).max(axis=1)
     good = fitted.all(axis=1) & np.isfinite(moved) & (moved <= 2.0 * reach_px + 1.0)
     return np.where(good[:, None, None], corners, quads), good
 
 
+_MIN_STRENGTH = 0.03
+"""Squared gradient of an edge against the strongest of its quadrangle: less is noise beside a real edge. Motion blur over
+ten pixels leaves a tenth."""
 _STEPS: Array = np.arange(-6, 7) / 6.0
 _FRACTIONS: Array = np.linspace(_TRIM, 1.0 - _TRIM, SAMPLES)
 
@@ -88,11 +94,9 @@ def _edge_places(image: Image, feet: Array, outward: Array, offsets: Array) -> t
     M, edges, S, _ = feet.shape
     K = offsets.shape[1]
     at = feet[:, :, :, None, :] + outward[:, :, :, None, :] * offsets[:, None, None, :, None]
-    flat = at.reshape(M * edges, S * K, 2).astype(np.float32)  # remap takes no more than 32767 rows
+    flat = at.reshape(M * edges, S * K, 2).astype(np.float32)  # remap takes less than 32767 rows
     values = cv2.remap(image, flat[..., 0], flat[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    rise = np.maximum(np.diff(values.reshape(M * edges * S, K).astype(np.float64), axis=1), 0.0).reshape(
-        M, edges, S, K - 1
-    )
+    rise = np.maximum(np.diff(values.reshape(M, edges, S, K).astype(np.float64), axis=3), 0.0)
     squared = rise * rise
     middles = 0.5 * (offsets[:, 1:] + offsets[:, :-1])[:, None, None, :]
     weight = squared.sum(axis=3)
@@ -100,12 +104,13 @@ def _edge_places(image: Image, feet: Array, outward: Array, offsets: Array) -> t
     return weight, place
 
 
-def _lines(points: Array, weight: Array, slack: float, limit: Array) -> tuple[Array, Array]:
+def _lines(points: Array, weight: Array, slack: float, limit: Array) -> tuple[Array, Mask]:
     """Weighted total least squares lines (M, 4, 3) as n . x = c, refitted once without outliers; and whether they hold.
 
     Points within three median distances and `slack` (in the points' unit) stay; a median distance above `limit` (M,) is no
     line.
     """
+    strength = _median(weight)[..., 0]
     w = np.sqrt(weight)  # the squared gradient already favours strong edges; its root keeps one bright spot from ruling
     w = np.minimum(w, 2.0 * _median(w))
     for _ in range(2):
@@ -114,7 +119,7 @@ def _lines(points: Array, weight: Array, slack: float, limit: Array) -> tuple[Ar
         spread = _median(distance)
         w = np.where(distance <= 3.0 * spread + slack, w, 0.0)
     fitted = ((w > 0.0).sum(axis=2) >= SAMPLES // 2) & (spread[..., 0] <= limit[:, None])
-    return lines, fitted
+    return lines, fitted & (strength >= _MIN_STRENGTH * strength.max(axis=1, keepdims=True))
 
 
 def _median(values: Array) -> Array:
