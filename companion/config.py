@@ -75,22 +75,30 @@ class Camera(_Section, frozen=True):
 
 class Marker(_Section, frozen=True):
     """One marker on the pad. Position is its centre in P (x along travel, y right), yaw about z down; at yaw 0 the top edge
-    of its image points along +x."""
+    of its image points along +x. One that faces "back" stands upright on the deck, seen by a vehicle that comes from
+    behind: position is the point of the deck below its centre, `height_m` the centre's height over the deck."""
 
     id: Annotated[int, Meta(ge=0)]
     size_m: Positive
     position_m: tuple[float, float] = (0.0, 0.0)
     yaw_deg: float = 0.0
+    facing: Literal["up", "back"] = "up"
+    height_m: NonNegative = 0.0
 
 
 class Pad(_Section, frozen=True):
-    """What is painted on the pad, and how large the deck is."""
+    """What is painted on the pad, and how large the deck is. `family` is one of OpenCV's marker families by name, or
+    CIRCLE_CROSS, or RED_DISC. `deck_center_m` is the deck's centre in P where the landing point lies elsewhere;
+    `board_size_m` (width, height) and `deck_brightness` (grey level) matter to whoever draws the pad."""
 
     family: str = "DICT_4X4_50"
     markers: tuple[Marker, ...] = (Marker(id=45, size_m=1.2), Marker(id=7, size_m=0.24))
     length_m: Positive = 1.5
     width_m: Positive = 1.5
     deck_height_m: NonNegative = 0.5
+    deck_center_m: tuple[float, float] = (0.0, 0.0)
+    board_size_m: tuple[float, float] | None = None
+    deck_brightness: Positive = 225.0
 
 
 class Vision(_Section, frozen=True):

@@ -31,10 +31,10 @@ class PadLayout:
 
     @property
     def extent_P(self) -> Array:
-        """(4, 3) corners of the rectangle along the axes of P that holds all markers."""
+        """(8, 3) corners of the box along the axes of P that holds all markers."""
         points = np.concatenate(list(self.corners_P.values()))
-        (x0, y0, _), (x1, y1, _) = points.min(axis=0), points.max(axis=0)
-        return np.array([(x1, y0, 0.0), (x1, y1, 0.0), (x0, y1, 0.0), (x0, y0, 0.0)])
+        low, high = points.min(axis=0), points.max(axis=0)
+        return np.array([(x, y, z) for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
 
 
 def from_config(pad: config.Pad) -> PadLayout:
@@ -83,9 +83,16 @@ def dictionary(family: str) -> cv2.aruco.Dictionary:
 
 
 def marker_corners(marker: config.Marker) -> Array:
-    """(4, 3) corners in P, clockwise from the top-left of the marker's image; at yaw 0 its top edge points along +x."""
+    """(4, 3) corners in P, clockwise from the top-left of the marker's image as its viewer sees it.
+
+    At yaw 0 the top edge of a marker that faces up points along +x; of one that faces back it points up (-z).
+    """
     half = marker.size_m / 2.0
     c, s = math.cos(math.radians(marker.yaw_deg)), math.sin(math.radians(marker.yaw_deg))
-    local = ((half, -half), (half, half), (-half, half), (-half, -half))
+    # (towards the top of the marker's surface, towards its right)
+    upright = ((half, -half), (half, half), (-half, half), (-half, -half))
+    turned = [(c * up - s * right, s * up + c * right) for up, right in upright]
     x0, y0 = marker.position_m
-    return np.array([(x0 + c * x - s * y, y0 + s * x + c * y, 0.0) for x, y in local])
+    if marker.facing == "up":
+        return np.array([(x0 + up, y0 + right, 0.0) for up, right in turned])
+    return np.array([(x0, y0 + right, -marker.height_m - up) for up, right in turned])

@@ -52,10 +52,13 @@ class _Fit:
 def planar_pose(
     points_P: Array, pixels: Array, camera: CameraModel, *, hint: DetectionHint | None, sigma_px: float
 ) -> PlanarPose | None:
-    """Pose from four or more coplanar points (N, 3) and their pixels (N, 2); None where the geometry has no solution."""
-    fits = [
-        fit for guess in _both_guesses(points_P, pixels, camera) if (fit := _polished(points_P, pixels, camera, *guess))
-    ]
+    """Pose from four or more points (N, 3) and their pixels (N, 2); None where the geometry has no solution.
+
+    The points lie in one plane, or the first four of them do (the first marker of several that do not).
+    """
+    flat = slice(None) if _are_coplanar(points_P) else slice(4)
+    guesses = _both_guesses(points_P[flat], pixels[flat], camera)
+    fits = [fit for guess in guesses if (fit := _polished(points_P, pixels, camera, *guess))]
     if not fits:
         return None
     # Corners that fit worse than sigma promises carry more error than sigma: the covariance follows what was seen.
@@ -81,6 +84,10 @@ def reprojected(points_P: Array, pose: PlanarPose, camera: CameraModel) -> Array
     """(N, 2) pixels where the pose puts the points."""
     R = np.array(matrix_from_quaternion(pose.q))
     return camera.project(points_P @ R.T + np.array(pose.position_m))
+
+
+def _are_coplanar(points_P: Array) -> bool:
+    return len(points_P) <= 4 or float(np.ptp(points_P, axis=0).min()) == 0.0
 
 
 def _both_guesses(points_P: Array, pixels: Array, camera: CameraModel) -> list[tuple[Array, Array]]:
