@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -22,12 +23,12 @@ from sitl_stub.camera.projection import Projection
 from sitl_stub.camera.pyramid import Pyramid
 from sitl_stub.camera.scene import Surface
 
-_NO_MAP = np.empty(0, np.float32)
-"""cv2.remap's second map where the first holds both coordinates."""
+_NO_MAP: Any = None
+"""cv2.remap's second map where the first holds both coordinates; its stubs do not know that it may be absent."""
 
 _GROUND_STEP_PX = 8
 _SURFACE_STEP_PX = 4
-_GROUND_TILE_PX = 96
+_GROUND_TILE_PX = 160
 _GRAZING_SINE = 0.012
 """Rays flatter than 0.7 degrees above the ground see haze, and no plane is followed farther than that."""
 
@@ -216,14 +217,14 @@ def _compose_map(region: Image, texels: Floats32, pyramid: Pyramid, density: flo
         borderMode=cv2.BORDER_REPLICATE,
     )
     rows, columns = pyramid.levels[0].shape[:2]
-    reach = 4.0 * density
+    reach = 2.5 * density
     outer = cv2.inRange(texels, (-reach, -reach), (columns + reach, rows + reach))
     inner = cv2.inRange(texels, (reach, reach), (columns - reach, rows - reach))
     edge_rows, edge_columns = np.nonzero(outer != inner)
     share = _share(texels, edge_rows, edge_columns, (columns, rows))
     before = region[edge_rows, edge_columns]
     cv2.copyTo(warped, inner, region)
-    blend_edges(region, edge_rows, edge_columns, before, warped[edge_rows, edge_columns], share)
+    blend_edges(region, edge_rows, edge_columns, before, np.asarray(warped, np.uint8)[edge_rows, edge_columns], share)
 
 
 def _share(texels: Floats32, rows: Integers, columns: Integers, size: tuple[int, int]) -> Floats:
