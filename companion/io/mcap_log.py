@@ -115,7 +115,7 @@ def _tuple_schema(arguments: tuple[Any, ...]) -> dict[str, Any]:
 
 
 def _is_nested(schema: Mapping[str, Any]) -> bool:
-    return schema["type"] == "array" and schema.get("items", {}).get("type", "array") == "array"
+    return bool(schema["type"] == "array" and schema.get("items", {}).get("type", "array") == "array")
 
 
 _TIME = {"type": "object", "title": "time", "properties": {"sec": {"type": "integer"}, "nsec": {"type": "integer"}}}
@@ -245,10 +245,10 @@ class McapWriter:
             self._flushed_ns = log_ns
         if log_ns - self._flushed_ns >= FLUSH_EVERY_NS:
             self._flushed_ns = log_ns
-            self._writer.flush()
+            self._writer.flush()  # type: ignore[no-untyped-call]
 
     def close(self) -> None:
-        self._writer.finish()
+        self._writer.finish()  # type: ignore[no-untyped-call]
         self._file.close()
 
 
@@ -475,7 +475,7 @@ def _unpacked(compression: bytes, packed: bytes, size: int) -> bytes:
         except zstandard.ZstdError as error:
             raise ValueError(str(error)) from error
     if compression == b"lz4":
-        import lz4.frame
+        import lz4.frame  # type: ignore[import-untyped]
 
         try:
             return bytes(lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=size))
