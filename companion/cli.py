@@ -109,6 +109,9 @@ def campaign(
         str | None, typer.Option(help="Address of a dask scheduler instead of local processes.")
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder of the results; default: runs/campaign-<name>.")] = None,
+    seeds: Annotated[
+        int | None, typer.Option(min=1, help="Only the first so many seeds of each combination, for a quick look.")
+    ] = None,
     runs: Annotated[Path, typer.Option(help="Where `rerun` makes its run folder.")] = Path("runs"),
     as_json: Annotated[bool, typer.Option("--json", help="End with one line of JSON.")] = False,
 ) -> None:
@@ -120,10 +123,10 @@ def campaign(
         if file == "rerun":
             if again is None or sample is None:
                 _fail("campaign rerun needs a campaign file and --sample N")
-            figures = rerun(again, sample, runs, console)
+            figures = rerun(again, sample, runs, console, out)
             _print_result(figures, as_json, console)
             return
-        figures = run_campaign(Path(file), out=out, workers=workers, scheduler=scheduler, console=console)
+        figures = run_campaign(Path(file), out=out, workers=workers, scheduler=scheduler, console=console, seeds=seeds)
     except ValueError as error:
         _fail(str(error))
     except KeyboardInterrupt:

@@ -4,7 +4,7 @@ name = "first-landing"
 scenarios = ["line", "circle"]
 seeds = 100                      # seeds 1..100 of each combination
 first_seed = 1
-presets = []                     # configuration files of the app, relative to the campaign file or to configs/
+presets = []                     # configuration files of the app, relative to the campaign file
 
 [set]                            # keys of the app's configuration for all samples
 "control.lead_s" = 0.3
@@ -12,6 +12,9 @@ presets = []                     # configuration files of the app, relative to t
 "wind.mean_m_s" = 5.0
 [axes]                           # every combination is flown; keys of the scenario, or of the app with "app:" in front
 "path.speed_m_s" = [1.0, 2.0, 4.2]
+[variants]                       # each is flown in the same worlds: further configuration files of the app
+ours = []
+naive = ["../peers/p_follow.toml"]
 """
 
 from __future__ import annotations
@@ -19,7 +22,7 @@ from __future__ import annotations
 import hashlib
 import itertools
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -27,8 +30,11 @@ import msgspec
 from msgspec import Meta
 
 from companion.config import ConfigError, read_toml
+from sitl_stub.scenario import find as find_scenario
+from sitl_stub.scenario import read as read_scenario
 
 APP_PREFIX = "app:"
+VARIANT = "variant"
 
 
 class Campaign(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -42,6 +48,12 @@ class Campaign(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
     set: dict[str, Any] = {}
     world: dict[str, Any] = {}
     axes: dict[str, tuple[Any, ...]] = {}
+    variants: dict[str, tuple[str, ...]] = {}
+
+    @property
+    def all_axes(self) -> dict[str, tuple[Any, ...]]:
+        """The axes in the order in which they are flown, the variants as the last."""
+        return {**self.axes, VARIANT: tuple(self.variants)} if self.variants else dict(self.axes)
 
 
 class Sample(msgspec.Struct, frozen=True):
@@ -66,8 +78,15 @@ def load_campaign(path: Path) -> Campaign:
         raise ConfigError(f"{path}: {error}; keys of a campaign: {known}") from error
     if not campaign.scenarios:
         raise ConfigError(f"{path}: scenarios = []: at least one scenario is needed")
-    presets = tuple(str(_preset(path, name)) for name in campaign.presets)
-    return msgspec.structs.replace(campaign, presets=presets)
+    return msgspec.structs.replace(
+        campaign,
+        presets=_resolved(path, campaign.presets),
+        variants={name: _resolved(path, files) for name, files in campaign.variants.items()},
+    )
+
+
+def _resolved(campaign_file: Path, names: Sequence[str]) -> tuple[str, ...]:
+    return tuple(str(_preset(campaign_file, name)) for name in names)
 
 
 def _preset(campaign_file: Path, name: str) -> Path:
@@ -77,28 +96,41 @@ def _preset(campaign_file: Path, name: str) -> Path:
     return beside
 
 
-def samples(campaign: Campaign) -> Iterator[Sample]:
-    """All flights in their order: scenario, then axes as they stand in the file, then seeds."""
+def samples(campaign: Campaign, seeds: int | None = None) -> Iterator[Sample]:
+    """All flights in their order: scenario, then axes as they stand in the file, then seeds.
+
+    `seeds` takes only the first so many seeds of each combination; every sample keeps its number.
+    """
     index = 0
-    for scenario, values in itertools.product(campaign.scenarios, itertools.product(*campaign.axes.values())):
-        chosen = dict(zip(campaign.axes, values, strict=True))
+    axes = campaign.all_axes
+    for scenario, values in itertools.product(campaign.scenarios, itertools.product(*axes.values())):
+        chosen = dict(zip(axes, values, strict=True))
+        cell = " ".join([scenario, *(f"{key}={value}" for key, value in chosen.items())])
+        presets = campaign.presets + campaign.variants.get(chosen.pop(VARIANT, ""), ())
         app = {k.removeprefix(APP_PREFIX): v for k, v in chosen.items() if k.startswith(APP_PREFIX)}
         world = {k: v for k, v in chosen.items() if not k.startswith(APP_PREFIX)}
-        cell = " ".join([scenario, *(f"{key}={value}" for key, value in chosen.items())])
-        for seed in range(campaign.first_seed, campaign.first_seed + campaign.seeds):
+        wanted = campaign.seeds if seeds is None else min(seeds, campaign.seeds)
+        for offset in range(wanted):
             yield Sample(
-                index,
+                index + offset,
                 scenario,
-                seed,
+                campaign.first_seed + offset,
                 cell,
-                campaign.presets,
+                presets,
                 {**campaign.set, **app},
                 {**campaign.world, **world},
             )
-            index += 1
+        index += campaign.seeds
 
 
 def fingerprint(campaign: Campaign) -> str:
-    """Of everything that decides what sample N is: a file of results belongs to one fingerprint."""
-    content = json.dumps(msgspec.to_builtins(campaign), sort_keys=True)
-    return hashlib.sha256(content.encode()).hexdigest()[:16]
+    """Of everything that decides what sample N is, files by their content: a file of results belongs to one fingerprint."""
+    content = msgspec.to_builtins(campaign)
+    content["presets"] = _contents(campaign.presets)
+    content["variants"] = {name: _contents(files) for name, files in campaign.variants.items()}
+    content["scenarios"] = [[name, read_scenario(find_scenario("scenarios", name))] for name in campaign.scenarios]
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def _contents(files: Sequence[str]) -> list[str]:
+    return [Path(file).read_text(encoding="utf-8") for file in files]

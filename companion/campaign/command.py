@@ -2,48 +2,92 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
 from companion.campaign.campaign_file import Campaign, Sample, fingerprint, load_campaign, samples
-from companion.campaign.engine import ResultsFile, default_workers, fly_all
+from companion.campaign.engine import Row, default_workers, fly_all
 from companion.campaign.fly_sample import fly_sample
+from companion.campaign.report import campaign_report
+from companion.campaign.results_file import ResultsFile, stored_rows
 from companion.campaign.statistics import CellStatistics, cell_statistics
+from companion.campaign.summary import repeatable
 from companion.config import ConfigError
 
 
 def run_campaign(
-    path: Path, *, out: Path | None, workers: int | None, scheduler: str | None, console: Console
+    path: Path,
+    *,
+    out: Path | None,
+    workers: int | None,
+    scheduler: str | None,
+    console: Console,
+    seeds: int | None = None,
 ) -> dict[str, Any]:
-    """The whole campaign; interrupted, it goes on at the next call. The result as for --json."""
+    """The whole campaign; interrupted, it goes on at the next call. The result as for --json.
+
+    `seeds` flies only the first so many of each combination; a later call without it flies the others.
+    """
     campaign = load_campaign(path)
-    folder = out or Path("runs") / f"campaign-{campaign.name}"
+    folder = out or results_folder(campaign)
     results = ResultsFile(folder / "samples.jsonl", fingerprint(campaign))
-    todo = [sample for sample in samples(campaign) if sample.index not in results.rows]
-    console.print(
-        f"campaign {campaign.name}: {len(todo)} of {len(todo) + len(results.rows)} flights to fly, kept in {folder}"
-    )
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, disable=not console.is_terminal) as progress:
-        task = progress.add_task("flights", total=len(todo))
-        for row in fly_all(todo, workers=workers or default_workers(), scheduler=scheduler):
-            results.add(row)
-            progress.advance(task)
-    cells = statistics_of(campaign, results)
+    wanted = list(samples(campaign, seeds))
+    todo = [sample for sample in wanted if sample.index not in results.rows]
+    console.print(f"campaign {campaign.name}: {len(todo)} of {len(wanted)} flights to fly, kept in {folder}")
+    try:
+        _fly(todo, results, workers=workers or default_workers(), scheduler=scheduler, console=console)
+    finally:
+        results.close()
+    cells = statistics_of(campaign, results.rows)
+    report = folder / "report.html"
+    report.write_text(campaign_report(campaign, path, results.rows, cells), encoding="utf-8")
     console.print(table(campaign.name, cells))
-    return {"campaign": campaign.name, "results": str(folder), "cells": [asdict(cell) for cell in cells]}
+    console.print(f"report: {report}")
+    return {
+        "campaign": campaign.name,
+        "results": str(folder),
+        "report": str(report),
+        "cells": [asdict(cell) for cell in cells],
+    }
 
 
-def statistics_of(campaign: Campaign, results: ResultsFile) -> list[CellStatistics]:
+def results_folder(campaign: Campaign) -> Path:
+    """Where the rows are kept unless somebody says otherwise."""
+    return Path("runs") / f"campaign-{campaign.name}"
+
+
+def _fly(
+    todo: Sequence[Sample], results: ResultsFile, *, workers: int, scheduler: str | None, console: Console
+) -> None:
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[landed]} landed"),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+    )
+    landed = 0
+    with Progress(*columns, console=console, disable=not console.is_terminal, speed_estimate_period=600.0) as progress:
+        task = progress.add_task("flights", total=len(todo), landed=0)
+        for row in fly_all(todo, workers=workers, scheduler=scheduler):
+            results.add(row)
+            landed += row["outcome"] == "landed"
+            progress.update(task, advance=1, landed=landed)
+
+
+def statistics_of(campaign: Campaign, rows: Mapping[int, Row]) -> list[CellStatistics]:
     """One per cell, in the order of the file."""
     by_cell: dict[str, list[dict[str, Any]]] = {}
     for sample in samples(campaign):
-        row = results.rows.get(sample.index)
+        row = rows.get(sample.index)
         if row is not None:
             by_cell.setdefault(sample.cell, []).append(row)
     return [cell_statistics(cell, rows) for cell, rows in by_cell.items()]
@@ -88,8 +132,8 @@ def sample_of(path: Path, index: int) -> Sample:
     raise ConfigError(f"{path}: has no sample {index}")
 
 
-def rerun(path: Path, index: int, runs: Path, console: Console) -> dict[str, Any]:
-    """Fly one sample again, exactly, with everything recorded."""
+def rerun(path: Path, index: int, runs: Path, console: Console, out: Path | None = None) -> dict[str, Any]:
+    """Fly one sample again, exactly, with everything recorded; say whether it came out as the campaign's row."""
     from companion.campaign.flight_sinks import ReportSink, TlogSink
     from companion.campaign.summary import summary_line
     from companion.io.run_folder import RunFolder
@@ -102,8 +146,23 @@ def rerun(path: Path, index: int, runs: Path, console: Console) -> dict[str, Any
     folder.write_run(row)
     title = f"{path.stem}, sample {index}: {sample.cell}, seed {sample.seed}"
     folder.report.write_text(report_html(report.record, row, title=title, line=summary_line(row)), encoding="utf-8")
+    campaign = load_campaign(path)
+    stored = stored_rows((out or results_folder(campaign)) / "samples.jsonl").get(index)
+    if stored is not None:
+        console.print(compared(stored, row))
     console.print(f"kept in {folder.path}")
     return row
+
+
+def compared(stored: Row, row: Row) -> str:
+    """One line: the same as before, or what is different."""
+    before, after = repeatable(stored), repeatable(row)
+    different = [
+        f"{key} {before.get(key)} -> {after.get(key)}" for key in before | after if before.get(key) != after.get(key)
+    ]
+    if not different:
+        return "the same as in the campaign, figure by figure"
+    return "not as in the campaign (another version of the program?): " + ", ".join(different)
 
 
 def _text(value: float | None, digits: int = 2) -> str:

@@ -1,18 +1,19 @@
-"""Runs samples on a pool of processes, or on a dask cluster, and appends one line per finished flight to a file.
+"""Runs samples on a pool of processes, or on a dask cluster, and yields one row per flight as it ends.
 
-The file is the state: after Ctrl-C or a crash the same command goes on with what is missing. A worker that dies takes only its
-own flight with it: the pool is made anew and that flight is flown again, twice at most, then recorded as lost.
+A worker that dies breaks the whole pool without saying whose flight it was. So the flights that were in the air are flown
+again one at a time, each alone in a new process: the guilty one is found, tried again, then recorded as lost, and no other
+pays for it. A flight that raises is recorded as an error with its reason; a wrong configuration ends the campaign.
 """
 
 from __future__ import annotations
 
-import json
 import os
-from collections.abc import Iterator, Sequence
+import signal
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from multiprocessing import get_context
-from pathlib import Path
+from contextlib import contextmanager
+from multiprocessing import active_children, get_context
 from typing import Any
 
 from companion.campaign.campaign_file import Sample
@@ -20,110 +21,136 @@ from companion.campaign.fly_sample import fly_sample
 
 MOST_TRIES = 3
 Row = dict[str, Any]
+Flight = Callable[[Sample], Row]
 
 
-class ResultsFile:
-    """samples.jsonl: a header line, then one line per flight in the order in which they finished."""
-
-    def __init__(self, path: Path, fingerprint: str) -> None:
-        self._path = path
-        self.rows: dict[int, Row] = {}
-        if path.exists():
-            self._read(fingerprint)
-        else:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(json.dumps({"campaign": fingerprint}) + "\n", encoding="utf-8")
-
-    def _read(self, fingerprint: str) -> None:
-        lines = self._path.read_text(encoding="utf-8").splitlines()
-        header = json.loads(lines[0]) if lines else {}
-        if header.get("campaign") != fingerprint:
-            raise ValueError(f"{self._path}: holds results of another campaign file; choose another --out or remove it")
-        for line in lines[1:]:
-            try:
-                row = json.loads(line)
-            except json.JSONDecodeError:
-                continue  # the last line of a killed process
-            self.rows[row["sample"]] = row
-
-    def add(self, row: Row) -> None:
-        self.rows[row["sample"]] = row
-        with self._path.open("a", encoding="utf-8") as file:
-            file.write(json.dumps(row) + "\n")
-
-
-def fly_all(samples: Sequence[Sample], *, workers: int, scheduler: str | None = None) -> Iterator[Row]:
-    """Rows as they finish, in any order."""
-    if scheduler is not None:
-        yield from _on_cluster(samples, scheduler)
-    elif workers == 1:
-        yield from map(fly_sample, samples)
-    else:
-        yield from _on_pool(samples, workers)
-
-
-def _on_pool(samples: Sequence[Sample], workers: int) -> Iterator[Row]:
-    tries = {sample.index: 0 for sample in samples}
-    left = {sample.index: sample for sample in samples}
-    while left:
-        with ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_one_thread) as pool:
-            try:
-                yield from _submit_all(pool, left, tries, in_flight=2 * workers)
-            except BrokenProcessPool:
-                for index in [index for index, count in tries.items() if count >= MOST_TRIES and index in left]:
-                    yield lost_row(left.pop(index))
-
-
-def _submit_all(
-    pool: ProcessPoolExecutor, left: dict[int, Sample], tries: dict[int, int], *, in_flight: int
+def fly_all(
+    samples: Sequence[Sample], *, workers: int, scheduler: str | None = None, flight: Flight = fly_sample
 ) -> Iterator[Row]:
-    """Keep a few flights queued; count a try when a flight is handed out."""
-    waiting = list(left.values())
-    running: dict[Future[Row], int] = {}
-    while waiting or running:
-        while waiting and len(running) < in_flight:
-            sample = waiting.pop(0)
-            tries[sample.index] += 1
-            running[pool.submit(fly_sample, sample)] = sample.index
-        done, _ = wait(running, return_when=FIRST_COMPLETED)
-        for future in done:
+    """Rows as they finish, in any order. `flight` must be importable by other processes."""
+    if scheduler is not None:
+        yield from _on_cluster(samples, scheduler, flight)
+    elif workers == 1:
+        for sample in samples:
+            yield _guarded(sample, flight)
+    else:
+        yield from _on_pool(samples, workers, flight)
+
+
+def _guarded(sample: Sample, flight: Flight) -> Row:
+    """What raises in one flight is that flight's ending. ValueError is a wrong file: the same for all, so it goes up."""
+    try:
+        return flight(sample)
+    except ValueError:
+        raise
+    except Exception as error:
+        return failed_row(sample, "error", f"{type(error).__name__}: {error}")
+
+
+def _on_pool(samples: Sequence[Sample], workers: int, flight: Flight) -> Iterator[Row]:
+    waiting = list(samples)
+    while waiting:
+        in_the_air: dict[Future[Row], Sample] = {}
+        try:
+            with _pool(workers) as pool:
+                yield from _keep_busy(pool, waiting, in_the_air, flight, in_flight=workers + 1)
+        except BrokenProcessPool:
+            for sample in sorted(in_the_air.values(), key=lambda sample: sample.index):
+                yield _alone(sample, flight)
+
+
+def _keep_busy(
+    pool: ProcessPoolExecutor,
+    waiting: list[Sample],
+    in_the_air: dict[Future[Row], Sample],
+    flight: Flight,
+    *,
+    in_flight: int,
+) -> Iterator[Row]:
+    """Hand out flights, few ahead; take each out of `in_the_air` when its row is there."""
+    while waiting or in_the_air:
+        while waiting and len(in_the_air) < in_flight:
+            sample = waiting[0]
+            in_the_air[pool.submit(_guarded, sample, flight)] = waiting.pop(0)
+        done, _ = wait(in_the_air, return_when=FIRST_COMPLETED)
+        for future in sorted(done, key=lambda future: future.exception() is not None):
             row = future.result()
-            left.pop(running.pop(future), None)
+            del in_the_air[future]
             yield row
 
 
-def _on_cluster(samples: Sequence[Sample], address: str) -> Iterator[Row]:
+def _alone(sample: Sample, flight: Flight) -> Row:
+    """One flight in a process of its own, tried again when that process dies."""
+    for _ in range(MOST_TRIES - 1):
+        try:
+            with _pool(1) as pool:
+                return pool.submit(_guarded, sample, flight).result()
+        except BrokenProcessPool:
+            continue
+    return failed_row(sample, "lost", f"its process died {MOST_TRIES} times")
+
+
+@contextmanager
+def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
+    """Ended early (Ctrl-C, a broken pool), it does not wait for flights that nobody will record."""
+    before = set(active_children())
+    pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_prepare_worker)
+    try:
+        yield pool
+    except BaseException:
+        pool.shutdown(wait=False, cancel_futures=True)
+        for process in set(active_children()) - before:
+            process.terminate()
+        raise
+    pool.shutdown()
+
+
+def _prepare_worker() -> None:
+    """Each worker is one core: no threads of the numeric libraries on top. Ctrl-C is for the parent to act on."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+        os.environ[name] = "1"
+
+
+def _on_cluster(samples: Sequence[Sample], address: str, flight: Flight) -> Iterator[Row]:
+    """On a dask scheduler: it re-runs what a dead worker held, and gives up on a flight that kills several."""
     from distributed import Client, as_completed
 
-    with Client(address) as client:
-        futures = [client.submit(fly_sample, sample, pure=False, retries=MOST_TRIES - 1) for sample in samples]
+    with Client(address) as client:  # type: ignore[no-untyped-call]
+        futures = [client.submit(_guarded, sample, flight, pure=False) for sample in samples]
         by_key = {future.key: sample for future, sample in zip(futures, samples, strict=True)}
-        for future in as_completed(futures):
-            yield future.result() if future.status == "finished" else lost_row(by_key[future.key])
+        for future in as_completed(futures):  # type: ignore[no-untyped-call]
+            sample = by_key[future.key]
+            error = None if future.status == "finished" else future.exception()
+            if isinstance(error, ValueError):
+                raise error
+            yield future.result() if error is None else failed_row(sample, "lost", f"{type(error).__name__}: {error}")
+            future.release()
 
 
-def lost_row(sample: Sample) -> Row:
-    """A flight whose process died every time: counted as a failure, never left out."""
-    numbers = ("touchdown_error_m", "touchdown_relative_speed_horizontal_m_s", "touchdown_relative_speed_vertical_m_s")
+def failed_row(sample: Sample, outcome: str, reason: str) -> Row:
+    """A flight without a result (`lost`, `error`): counted as a failure, never left out."""
+    unset = (
+        "touchdown_error_m",
+        "touchdown_error_along_m",
+        "touchdown_error_across_m",
+        "touchdown_relative_speed_horizontal_m_s",
+        "touchdown_relative_speed_vertical_m_s",
+        "time_to_touchdown_s",
+        "real_time_factor",
+    )
     return {
         "sample": sample.index,
         "cell": sample.cell,
-        "outcome": "lost",
+        "outcome": outcome,
+        "reason": reason,
         "scenario": sample.scenario,
         "seed": sample.seed,
         "forced_disarm_in_air": False,
-        "time_to_touchdown_s": None,
-        "real_time_factor": None,
-        **dict.fromkeys(numbers),
+        **dict.fromkeys(unset),
     }
 
 
 def default_workers() -> int:
     """One per core that this process may use."""
     return len(os.sched_getaffinity(0))
-
-
-def _one_thread() -> None:
-    """Each worker is one core: no threads of the numeric libraries on top."""
-    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-        os.environ[name] = "1"

@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 
 from companion.campaign.campaign_file import fingerprint, load_campaign, samples
-from companion.campaign.engine import ResultsFile
 from companion.config import ConfigError
 
 TEXT = """
@@ -53,12 +52,28 @@ def test_a_wrong_file_is_refused_with_what_is_wrong(tmp_path: Path, text: str, w
         load_campaign(written(tmp_path, text))
 
 
-def test_results_survive_a_killed_writer_and_refuse_another_campaign(tmp_path: Path) -> None:
-    path = tmp_path / "samples.jsonl"
-    results = ResultsFile(path, "abc")
-    results.add({"sample": 0, "outcome": "landed"})
-    with path.open("a", encoding="utf-8") as file:
-        file.write('{"sample": 1, "outc')
-    assert ResultsFile(path, "abc").rows == {0: {"sample": 0, "outcome": "landed"}}
-    with pytest.raises(ValueError, match="another campaign"):
-        ResultsFile(path, "other")
+def test_fewer_seeds_keep_the_numbers_of_their_samples(tmp_path: Path) -> None:
+    campaign = load_campaign(written(tmp_path))
+    quick = list(samples(campaign, seeds=1))
+    assert [sample.index for sample in quick] == [0, 3, 6, 9]
+    everything = {sample.index: sample for sample in samples(campaign)}
+    assert all(everything[sample.index] == sample for sample in quick)
+
+
+def test_variants_fly_in_the_same_worlds(tmp_path: Path) -> None:
+    (tmp_path / "slow.toml").write_text("[control]\nmax_speed_m_s = 2.0\n", encoding="utf-8")
+    text = TEXT + "[variants]\nours = []\nslow = ['slow.toml']\n"
+    flown = list(samples(load_campaign(written(tmp_path, text))))
+    ours, slow = flown[0], flown[3]
+    assert (ours.seed, ours.world, ours.presets) == (slow.seed, slow.world, ())
+    assert slow.presets == (str(tmp_path / "slow.toml"),)
+    assert slow.cell.endswith("variant=slow")
+
+
+def test_a_preset_with_other_content_is_another_campaign(tmp_path: Path) -> None:
+    preset = tmp_path / "slow.toml"
+    preset.write_text("[control]\nmax_speed_m_s = 2.0\n", encoding="utf-8")
+    path = written(tmp_path, "presets = ['slow.toml']\n" + TEXT)
+    before = fingerprint(load_campaign(path))
+    preset.write_text("[control]\nmax_speed_m_s = 3.0\n", encoding="utf-8")
+    assert fingerprint(load_campaign(path)) != before
