@@ -45,7 +45,7 @@ class KannalaBrandt:
         x, y, z = points_C.T
         across = np.hypot(x, y)
         theta = np.arctan2(across, z)
-        factor = np.where(across > _AXIS * np.abs(z), self._radius(theta) / np.maximum(across, 1e-300), 1.0 / np.abs(z))
+        factor = np.where(across > _AXIS * np.abs(z), self._radius(theta) / np.maximum(across, 1e-300), 1.0 / np.maximum(np.abs(z), 1e-300))
         return np.column_stack((self.cx_px + self.fx_px * x * factor, self.cy_px + self.fy_px * y * factor))
 
     def ray(self, pixels: Array) -> Array:
@@ -63,7 +63,7 @@ class KannalaBrandt:
         theta = np.arctan2(across, z)
         on_axis = across <= _AXIS * np.abs(z)
         safe = np.where(on_axis, 1.0, across)
-        factor = np.where(on_axis, 1.0 / np.abs(z), self._radius(theta) / safe)
+        factor = np.where(on_axis, 1.0 / np.maximum(np.abs(z), 1e-300), self._radius(theta) / safe)
         slope = self._radius_slope(theta)
         # d(theta) = (z d(across) - across dz) / length2, and the pixel is (x, y) * r(theta) / across.
         pull = np.where(on_axis, 0.0, (slope * z / length2 - factor) / (safe * safe))

@@ -50,7 +50,7 @@ class Scaramuzza:
         x, y, z = points_C.T
         across = np.hypot(x, y)
         rho = self._radius(across, z)
-        factor = np.where(across > _AXIS * np.abs(z), rho / np.maximum(across, 1e-300), self.focal_px / np.abs(z))
+        factor = np.where(across > _AXIS * np.abs(z), rho / np.maximum(across, 1e-300), self.focal_px / np.maximum(np.abs(z), 1e-300))
         return np.column_stack((self.cx_px + x * factor, self.cy_px + y * factor))
 
     def jacobian(self, points_C: Array) -> Array:
@@ -59,7 +59,7 @@ class Scaramuzza:
         rho = self._radius(across, z)
         on_axis = across <= _AXIS * np.abs(z)
         safe = np.where(on_axis, 1.0, across)
-        factor = np.where(on_axis, self.focal_px / np.abs(z), rho / safe)
+        factor = np.where(on_axis, self.focal_px / np.maximum(np.abs(z), 1e-300), rho / safe)
         # rho z = across f(rho): differentiate both sides for d(rho)/d(across) and d(rho)/dz.
         below = z - across * self._slope(rho)
         by_across, by_z = self._f(rho) / below, -rho / below
@@ -91,7 +91,7 @@ class Scaramuzza:
             low, high = np.where(error < 0.0, rho, low), np.where(error >= 0.0, rho, high)
             slope = z - across * self._slope(rho)
             step = rho - error / np.where(slope == 0.0, 1e-300, slope)
-            moved = np.where((step > low) & (step < high), step, 0.5 * (low + high))
+            moved = np.where((step >= low) & (step <= high), step, 0.5 * (low + high))
             done = float(np.abs(moved - rho).max(initial=0.0)) < 1e-12 * self.focal_px
             rho = moved
             if done:
