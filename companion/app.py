@@ -21,9 +21,9 @@ from rich.console import Console
 from rich.live import Live
 
 from companion.config import Config
+from companion.io.cameras import CameraError, CameraFrame, CaptureClock, frames
 from companion.io.link import Link
 from companion.io.links import open_link
-from companion.io.mjpeg import CameraError, JpegFrame, frames
 from companion.io.run_folder import RunFolder
 from companion.io.tlog import TlogWriter
 from companion.messages import Health, OperatorAction, PadNotSeen, Phase, VelocitySetpoint
@@ -32,6 +32,7 @@ from companion.telemetry.flight_record import FlightRecord
 from companion.telemetry.live_view import LiveView
 from companion.telemetry.report import report_html
 from companion.vision import Detection
+from companion.vision.frame_watch import ArrivalWatch
 from companion.vision_worker import VisionWorker
 
 SPIN_NS = 1_000_000
@@ -42,6 +43,10 @@ HOLD_GRACE_S = 2.0
 
 LINGER_S = 1.0
 RECONNECT_S = 1.0
+WATCH_S = 0.1
+START_GRACE_NS = 3_000_000_000
+"""Before a camera that never sent a frame counts as dead: opening one takes a second or two."""
+
 REDRAW_S = 0.15
 
 
@@ -86,9 +91,10 @@ class LiveApp:
         self._autostart = autostart
         self._link: Link | None = None
         self._stop = asyncio.Event()
-        self._newest: tuple[str, JpegFrame, int] | None = None
+        self._newest: tuple[str, CameraFrame] | None = None
         self._frame_ready = asyncio.Event()
         self._worker = VisionWorker(config)
+        self._arrivals = {config.vision.camera: _arrival_watch(config, config.vision.camera)}
 
     @property
     def period_ns(self) -> int:
@@ -112,6 +118,7 @@ class LiveApp:
                         tasks.create_task(self._timers()),
                         tasks.create_task(self._camera(self._config.vision.camera)),
                         tasks.create_task(self._detect()),
+                        tasks.create_task(self._watch_cameras()),
                     ]
                     await self._until_over()
                     for task in background:
@@ -182,16 +189,25 @@ class LiveApp:
                 async for frame in frames(url):
                     if self._newest is not None:
                         self.counters.frames_dropped += 1
-                    self._newest = (name, frame, time.monotonic_ns())
+                    self._newest = (name, frame)
                     self._frame_ready.set()
+                    self._report(*self._arrivals[name].arrived(time.monotonic_ns()))
                 self._report(Health(time.monotonic_ns(), "camera", 1, f"{url}: the stream ended; trying again"))
             except CameraError as error:
                 self._report(Health(time.monotonic_ns(), "camera", 1, str(error)))
             await asyncio.sleep(RECONNECT_S)
 
-    def _report(self, health: Health) -> None:
+    async def _watch_cameras(self) -> None:
+        """A dead camera sends nothing that could say so."""
+        while True:
+            await asyncio.sleep(WATCH_S)
+            for watch in self._arrivals.values():
+                self._report(*watch.check(time.monotonic_ns()))
+
+    def _report(self, *health: Health) -> None:
         for sink in self._sinks:
-            sink.journal((JournalEntry(0, health.t_ns, "out", None, health),))
+            for message in health:
+                sink.journal((JournalEntry(0, message.t_ns, "out", None, message),))
 
     async def _detect(self) -> None:
         """Newest frame to the worker, its answer to the pipeline."""
@@ -200,13 +216,21 @@ class LiveApp:
             self._frame_ready.clear()
             if self._newest is None:
                 continue
-            (name, frame, arrived_ns), self._newest = self._newest, None
-            stamp = self.onboard.capture_time_ns(name, capture_boot_us=frame.capture_boot_us, arrived_ns=arrived_ns)
-            hint = self.onboard.hint(name, stamp)
-            detection = await self._worker.look(name, frame.jpeg, t_ns=stamp, sequence=frame.sequence or 0, hint=hint)
-            self._count(detection)
-            self.counters.frame_waiting_ns = arrived_ns
-            self.onboard.receive(detection, time.monotonic_ns())
+            (name, frame), self._newest = self._newest, None
+            capture_boot_us, local_ns = _capture_stamps(frame, self._config.cameras[name].clock)
+            stamp = self.onboard.capture_time_ns(name, capture_boot_us=capture_boot_us, arrived_ns=local_ns)
+            seen = await self._worker.look(
+                name,
+                frame.content,
+                t_ns=stamp,
+                sequence=frame.sequence or 0,
+                hint=self.onboard.hint(name, stamp),
+                capture_uncertainty_ns=frame.capture_uncertainty_ns,
+            )
+            self._report(*seen.health)
+            self._count(seen.detection)
+            self.counters.frame_waiting_ns = frame.arrived_ns
+            self.onboard.receive(seen.detection, time.monotonic_ns())
             self._flush()
 
     def _count(self, detection: Detection) -> None:
@@ -215,6 +239,24 @@ class LiveApp:
             self.counters.frames_with_pad += 1
             if self.counters.first_sight_ns is None:
                 self.counters.first_sight_ns = detection.t_ns
+
+
+def _arrival_watch(config: Config, name: str) -> ArrivalWatch:
+    return ArrivalWatch(
+        name, timeout_ns=round(config.cameras[name].timeout_s * 1e9), start_ns=time.monotonic_ns() + START_GRACE_NS
+    )
+
+
+def _capture_stamps(frame: CameraFrame, clock: str) -> tuple[int | None, int]:
+    """(capture on the autopilot's boot clock if the frame says so, instant on this computer's clock), us and ns.
+
+    A configured clock of "arrival" distrusts what the source says of its time.
+    """
+    if clock == "arrival" or frame.clock in (CaptureClock.MEDIA, CaptureClock.UNIX):
+        return None, frame.arrived_ns
+    if frame.clock is CaptureClock.AUTOPILOT:
+        return frame.capture_ns // 1000, frame.arrived_ns
+    return None, frame.capture_ns
 
 
 async def _until(deadline_ns: int) -> None:

@@ -16,6 +16,8 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import Meta, Struct
 
+from companion import camera_info
+
 Positive = Annotated[float, Meta(gt=0.0)]
 NonNegative = Annotated[float, Meta(ge=0.0)]
 Fraction = Annotated[float, Meta(ge=0.0, le=1.0)]
@@ -53,7 +55,8 @@ class Camera(_Section, frozen=True):
     """One camera: where frames come from, its lens, and how it is mounted.
 
     `mount_deg` is roll, pitch, yaw of the camera's *optical axis frame* against a camera that looks straight down with the
-    top of its image towards the nose; pitch 90 looks forward.
+    top of its image towards the nose; pitch 90 looks forward. `calibration_file` (ROS camera_info YAML,
+    relative to the file that names it) decides model, size, focal lengths, centre and distortion; `load` reads it.
     """
 
     source: str = "http://127.0.0.1:8554/down"
@@ -261,12 +264,12 @@ def load_with(files: Sequence[Path], overrides: Mapping[str, Any]) -> Config:
     origin = "defaults"
     for path in files:
         origin = str(path)
-        merged = _overlay(merged, read_toml(path))
+        merged = _overlay(merged, _beside(path, read_toml(path)))
         _convert(merged, origin)
     for key, value in overrides.items():
         origin = f"override {key}={value}"
         merged = _overlay(merged, _nested(key, value))
-    return _convert(merged, origin)
+    return _calibrated(_convert(merged, origin))
 
 
 def read_toml(path: Path) -> dict[str, Any]:
@@ -279,6 +282,39 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise ConfigError(f"{path}: is not UTF-8 text (byte {error.start})") from error
     except tomllib.TOMLDecodeError as error:
         raise ConfigError(f"{path}: is not valid TOML: {error}") from error
+
+
+def _beside(path: Path, data: dict[str, Any]) -> dict[str, Any]:
+    """Names of calibration files, seen from the file that names them."""
+    cameras = data.get("cameras")
+    for camera in cameras.values() if isinstance(cameras, dict) else ():
+        if isinstance(camera, dict) and isinstance(name := camera.get("calibration_file"), str):
+            camera["calibration_file"] = str(path.parent / name)
+    return data
+
+
+def _calibrated(config: Config) -> Config:
+    """Cameras with what their calibration files say."""
+    cameras = {name: _with_calibration(name, camera) for name, camera in config.cameras.items()}
+    return msgspec.structs.replace(config, cameras=cameras)
+
+
+def _with_calibration(name: str, camera: Camera) -> Camera:
+    if camera.calibration_file is None:
+        return camera
+    where = f"[cameras.{name}] calibration_file = {camera.calibration_file!r}"
+    try:
+        info = camera_info.parse(Path(camera.calibration_file).read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigError(f"{where}: cannot be read: {error.strerror}") from error
+    except ValueError as error:
+        raise ConfigError(f"{where}: {error}") from error
+    lens = {key: getattr(info, key) for key in LENS_KEYS}
+    return msgspec.structs.replace(camera, **lens)
+
+
+LENS_KEYS = ("model", "width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px", "distortion")
+"""What a calibration file decides."""
 
 
 def parse_value(text: str) -> Any:

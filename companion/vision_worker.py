@@ -1,4 +1,4 @@
-"""The detector in a process of its own: compressed frames in, observations out.
+"""The detector in a process of its own: frames in, observations and the camera's health out.
 
 In a thread, the parts of a detector that are Python and not OpenCV hold the interpreter lock and delay setpoints by ten
 milliseconds and more (benchmarks/setpoint_timing.py). One frame is under way at a time; which frame comes next is the caller's choice.
@@ -8,18 +8,29 @@ from __future__ import annotations
 
 import asyncio
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
 from multiprocessing import get_context
 
 import cv2
 import numpy as np
 
 from companion.config import Config
-from companion.messages import CameraImage, PadNotSeen
-from companion.vision import DETECTORS, Detection, DetectionHint, Detector
+from companion.io.cameras.frame import decoded
+from companion.messages import CameraImage, Health, Image
+from companion.vision import DETECTORS, Detection, DetectionHint
+from companion.vision.frame_watch import PictureWatch
 from companion.vision.lens import from_config
+from companion.vision.watched_detector import WatchedDetector
 
-_detector: Detector | None = None
-_detector_name = ""
+_detector: WatchedDetector | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """What one frame gave."""
+
+    detection: Detection
+    health: tuple[Health, ...]
 
 
 class VisionWorker:
@@ -37,31 +48,44 @@ class VisionWorker:
         await self.look(self._config.vision.camera, jpeg, t_ns=0, sequence=0, hint=None)
 
     async def look(
-        self, camera: str, jpeg: bytes, *, t_ns: int, sequence: int, hint: DetectionHint | None
-    ) -> Detection:
-        """What the frame shows."""
+        self,
+        camera: str,
+        content: Image | bytes,
+        *,
+        t_ns: int,
+        sequence: int,
+        hint: DetectionHint | None,
+        capture_uncertainty_ns: int = 0,
+    ) -> Seen:
+        """What the frame, a picture or its JPEG, shows."""
         loop = asyncio.get_running_loop()
-        return await loop.run_in_executor(self._pool, _look, camera, jpeg, t_ns, sequence, hint)
+        stamp = (t_ns, sequence, capture_uncertainty_ns)
+        return await loop.run_in_executor(self._pool, _look, camera, content, stamp, hint)
 
     def close(self) -> None:
         self._pool.shutdown(wait=False, cancel_futures=True)
 
 
-def build_detector(config: Config) -> Detector:
-    """The detector that the configuration names, for the camera that it names."""
+def build_detector(config: Config) -> WatchedDetector:
+    """The detector that the configuration names, for the camera that it names, with a watch on that camera."""
     camera = config.cameras[config.vision.camera]
-    return DETECTORS[config.vision.detector](config.vision, config.pad, from_config(camera))
+    watch = PictureWatch(config.vision.camera, width_px=camera.width_px, height_px=camera.height_px)
+    detector = DETECTORS[config.vision.detector](config.vision, config.pad, from_config(camera))
+    return WatchedDetector(detector, config.vision.detector, watch)
 
 
 def _start(config: Config) -> None:
-    global _detector, _detector_name
+    global _detector
     cv2.setNumThreads(1)
-    _detector, _detector_name = build_detector(config), config.vision.detector
+    _detector = build_detector(config)
 
 
-def _look(camera: str, jpeg: bytes, t_ns: int, sequence: int, hint: DetectionHint | None) -> Detection:
+def _look(camera: str, content: Image | bytes, stamp: tuple[int, int, int], hint: DetectionHint | None) -> Seen:
     assert _detector is not None
-    image = cv2.imdecode(np.frombuffer(jpeg, dtype=np.uint8), cv2.IMREAD_UNCHANGED)
+    t_ns, sequence, uncertainty_ns = stamp
+    image = decoded(content) if isinstance(content, bytes) else content
     if image is None:
-        return PadNotSeen(t_ns, camera, _detector_name, "the frame is not a readable JPEG")
-    return _detector.detect(CameraImage(t_ns, camera, np.asarray(image, np.uint8), sequence), hint)
+        detection = _detector.unreadable(t_ns, camera, "the frame is not a readable picture")
+    else:
+        detection = _detector.detect(CameraImage(t_ns, camera, image, sequence, uncertainty_ns), hint)
+    return Seen(detection, _detector.take_health())

@@ -13,9 +13,19 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from companion.config import Config
-from companion.messages import CameraImage, CommandKind, Image, OperatorAction, PadNotSeen, Phase, VehicleCommand
+from companion.messages import (
+    CameraImage,
+    CommandKind,
+    Health,
+    Image,
+    OperatorAction,
+    PadNotSeen,
+    Phase,
+    VehicleCommand,
+)
 from companion.onboard import JournalEntry, Onboard
-from companion.vision import Detector
+from companion.vision.frame_watch import ArrivalWatch
+from companion.vision.watched_detector import WatchedDetector
 from companion.vision_worker import build_detector
 from sitl_stub.datagram_faults import Datagram
 from sitl_stub.scenario import Scenario
@@ -107,7 +117,12 @@ class _Flight:
         self._world = World(scenario, seed)
         self._limit_s = scenario.duration_limit_s
         self._onboard = Onboard(config, start_ns=CLOCK_OFFSET_NS)
-        self._detectors: dict[str, Detector] = {config.vision.camera: build_detector(config)}
+        self._detectors: dict[str, WatchedDetector] = {config.vision.camera: build_detector(config)}
+        self._arrivals = ArrivalWatch(
+            config.vision.camera,
+            timeout_ns=round(config.cameras[config.vision.camera].timeout_s * 1e9),
+            start_ns=CLOCK_OFFSET_NS,
+        )
         self._sinks = sinks
         self._script = sorted(operator.actions)
         self._autostart = operator.start
@@ -154,6 +169,7 @@ class _Flight:
                 self._onboard.receive_datagram(datagram.data, now_ns)
         for frame in stepped.frames:
             self._see(frame.camera, frame.image, frame.sequence, frame.t_capture_us)
+        self._report(self._arrivals.check(now_ns))
         self._operate()
         if now_ns >= self._onboard.next_timer_ns():
             self._onboard.handle_timers(now_ns)
@@ -163,15 +179,22 @@ class _Flight:
         detector = self._detectors.get(camera)
         if detector is None:
             return
+        self._report(self._arrivals.arrived(self._now_ns))
         t_ns = self._onboard.capture_time_ns(camera, capture_boot_us=t_capture_us, arrived_ns=self._now_ns)
         frame = CameraImage(t_ns, camera, image, sequence)
         detection = detector.detect(frame, self._onboard.hint(camera, t_ns))
+        self._report(detector.take_health())
         self._frames += 1
         if not isinstance(detection, PadNotSeen):
             self._frames_with_pad += 1
             if self._first_sight_s is None:
                 self._first_sight_s = self._now_s
         self._onboard.receive(detection, self._now_ns)
+
+    def _report(self, health: Sequence[Health]) -> None:
+        entries = [JournalEntry(0, self._now_ns, "out", None, message) for message in health]
+        for sink in self._sinks:
+            sink.journal(entries)
 
     def _operate(self) -> None:
         if self._heard_s is None and self._onboard.session.connected:

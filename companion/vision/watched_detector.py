@@ -1,0 +1,36 @@
+"""A detector behind a watch on its camera: a picture that shows nothing of now is never searched.
+
+Both shells search frames through it, so that a frozen or mis-sized camera is refused in the simulator as in the air.
+"""
+
+from __future__ import annotations
+
+from companion.messages import CameraImage, Health, PadNotSeen
+from companion.vision.detector import Detection, DetectionHint, Detector
+from companion.vision.frame_watch import PictureWatch
+
+
+class WatchedDetector:
+    """A `Detector`. `take_health` gives what the watch noticed since it was asked last."""
+
+    def __init__(self, detector: Detector, name: str, watch: PictureWatch) -> None:
+        self._detector = detector
+        self._name = name
+        self._watch = watch
+        self._health: list[Health] = []
+
+    def detect(self, frame: CameraImage, hint: DetectionHint | None) -> Detection:
+        reason, health = self._watch.look(frame)
+        self._health += health
+        if reason is not None:
+            return PadNotSeen(frame.t_ns, frame.camera, self._name, reason)
+        return self._detector.detect(frame, hint)
+
+    def unreadable(self, t_ns: int, camera: str, text: str) -> Detection:
+        """A frame that is no picture."""
+        self._health += self._watch.unreadable(t_ns, text)
+        return PadNotSeen(t_ns, camera, self._name, text)
+
+    def take_health(self) -> tuple[Health, ...]:
+        health, self._health = tuple(self._health), []
+        return health
