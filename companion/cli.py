@@ -135,6 +135,103 @@ def campaign(
         print(json.dumps(figures))
 
 
+@app.command()
+def replay(
+    file: Annotated[Path, typer.Argument(help=".mcap of ours (exact), or any .tlog or .ulg (state in).")],
+    config: ConfigFiles = None,
+    settings: Settings = None,
+    frames: Annotated[
+        Path | None, typer.Option(help="Folder of pictures, video, or .mcap whose frames the detector looks at.")
+    ] = None,
+    frame_rate: Annotated[float | None, typer.Option(help="Of frames without times, Hz.")] = None,
+    pad: Annotated[
+        str | None, typer.Option(help="A pad that stands still, for logs without one.", metavar="N,E,D")
+    ] = None,
+    check: Annotated[
+        Path | None, typer.Option(help="Golden file to compare with; exit status 1 on difference.")
+    ] = None,
+    update: Annotated[bool, typer.Option("--update", help="Write the golden file and say what changed.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="One line of JSON.")] = False,
+) -> None:
+    """Run the same pipeline over a log: the first difference, a what-if, or a golden check."""
+    from companion.io.frame_folder import recorded_frames
+    from companion.replay import ReplayOptions
+    from companion.replay_command import answer
+
+    values = {key: parse_value(text) for key, text in _pairs(settings).items()}
+    try:
+        seen = [] if frames is None else recorded_frames(frames, frame_rate)
+        options = ReplayOptions(values, config or [], seen, None if pad is None else _vector(pad))
+        found = answer(file, options, check=check, update=update)
+    except ValueError as error:
+        _fail(str(error))
+    print(json.dumps(found.content) if as_json else "\n".join(found.lines))
+    raise typer.Exit(found.status)
+
+
+def _vector(text: str) -> tuple[float, float, float]:
+    try:
+        north, east, down = (float(part) for part in text.split(","))
+    except ValueError:
+        _fail(f"{text!r}: expected three numbers, north,east,down in metres")
+    return north, east, down
+
+
+log_app = typer.Typer(help="Look into a log: .tlog, .mcap or .ulg.", no_args_is_help=True)
+app.add_typer(log_app, name="log")
+
+
+@log_app.command("info")
+def log_info(
+    file: Annotated[Path, typer.Argument(help="The log.")],
+    as_json: Annotated[bool, typer.Option("--json", help="One line of JSON.")] = False,
+) -> None:
+    """What is in a log: messages, rates, duration, damage."""
+    from companion.io.log_commands import info, info_lines
+
+    try:
+        found = info(file)
+    except ValueError as error:
+        _fail(str(error))
+    print(json.dumps(found) if as_json else "\n".join(info_lines(found)))
+
+
+@log_app.command("export")
+def log_export(
+    file: Annotated[Path, typer.Argument(help="The log.")],
+    out: Annotated[Path, typer.Option(help="Folder for the files.")],
+    topic: Annotated[list[str] | None, typer.Option(help="Only this message; may be given several times.")] = None,
+    form: Annotated[str, typer.Option("--format", help="csv, or parquet (needs pyarrow).")] = "csv",
+    frames: Annotated[bool, typer.Option("--frames", help="The camera frames of a .mcap instead.")] = False,
+) -> None:
+    """One file for each message type, or the camera frames."""
+    from companion.io.log_commands import export, export_frames
+
+    try:
+        if frames:
+            print(f"{export_frames(file, out)} frames in {out}")
+            return
+        written = export(file, out, topics=topic or [], form=form)
+    except ValueError as error:
+        _fail(str(error))
+    print(f"{len(written)} files in {out}")
+
+
+@log_app.command("plot")
+def log_plot(
+    file: Annotated[Path, typer.Argument(help="The log.")],
+    fields: Annotated[list[str], typer.Argument(help="MESSAGE.FIELD ..., as pad_estimate.position_ned_m")],
+    out: Annotated[Path, typer.Option(help="The page to write.")] = Path("plot.html"),
+) -> None:
+    """Charts of chosen fields on one HTML page."""
+    from companion.io.log_commands import plot
+
+    try:
+        print(plot(file, fields, out))
+    except ValueError as error:
+        _fail(str(error))
+
+
 @app.command("check-config")
 def check_config(config: ConfigFiles = None, settings: Settings = None) -> None:
     """Check configuration files and print the whole configuration as JSON."""
