@@ -18,7 +18,7 @@ from sitl_stub.camera.ground import TILE_PX, Ground
 from sitl_stub.camera.image import Floats, Floats32, Image
 from sitl_stub.camera.motion import Twist, moved
 from sitl_stub.camera.mount import Pose
-from sitl_stub.camera.outline import Box
+from sitl_stub.camera.outline import RECTANGLE, Box, outline_points
 from sitl_stub.camera.projection import Projection
 from sitl_stub.camera.pyramid import Pyramid
 from sitl_stub.camera.scene import Surface
@@ -29,6 +29,7 @@ _NO_MAP: Any = None
 _GROUND_STEP_PX = 8
 _SURFACE_STEP_PX = 4
 _GROUND_TILE_PX = 160
+_SMALLEST_TILE_PX = 40
 _GRAZING_SINE = 0.012
 """Rays flatter than 0.7 degrees above the ground see haze, and no plane is followed farther than that."""
 
@@ -86,6 +87,7 @@ def plane_points(grid: RayGrid, X_CS: Pose, twist: Twist) -> tuple[Floats, Float
 class CurvedPainter:
     """Paints for one camera of any model."""
 
+    projection: Projection
     coarse: RayGrid
     fine: RayGrid
 
@@ -131,22 +133,27 @@ class CurvedPainter:
         return box
 
     def _box(self, canvas: Image, X_CS: Pose, twist: Twist, surface: Surface) -> Box | None:
-        """Pixels that can show the face, in whole steps of the fine grid; found on the coarse one with two nodes to spare."""
+        """Pixels that can show the face, in whole steps of both grids: around its projected outline, and around the nodes
+        that see it (its outline may be out of view)."""
+        half = np.array([surface.length_m / 2.0, surface.width_m / 2.0])
         points, sine = plane_points(self.coarse, X_CS, twist)
-        spacing = np.maximum(_spacing(points), 1e-9)
-        beyond = np.maximum(
-            np.abs(points[..., 0]) - surface.length_m / 2.0, np.abs(points[..., 1]) - surface.width_m / 2.0
-        )
-        rows, columns = np.nonzero((beyond < 2.0 * spacing) & (sine > 0.0))
-        if not rows.size:
-            return None
+        rows, columns = np.nonzero((np.abs(points) < half).all(axis=-1) & (sine > 0.0))
         step = self.coarse.step_px
-        height, width = canvas.shape[:2]
-        x0, y0 = max(0, (int(columns.min()) - 2) * step), max(0, (int(rows.min()) - 2) * step)
-        x1, y1 = min(width, (int(columns.max()) + 1) * step), min(height, (int(rows.max()) + 1) * step)
+        seen = np.column_stack([columns - 1.0, rows - 1.0]) * step
+        outline = outline_points(np.column_stack([RECTANGLE * half, np.zeros(4)]))
+        times_s = self.coarse.row_time_s[[0, len(self.coarse.row_time_s) // 2, -1]]
+        R_CS, p_CS = moved(X_CS, twist, times_s)
+        drawn = self.projection.project((outline @ np.swapaxes(R_CS, 1, 2) + p_CS[:, None]).reshape(-1, 3))
+        pixels = np.concatenate([seen, drawn[np.isfinite(drawn).all(axis=1)]])
+        if not len(pixels):
+            return None
+        size = np.array([canvas.shape[1], canvas.shape[0]])
+        x0, y0 = np.clip(np.floor(pixels.min(axis=0) / step - 1.0) * step, 0, size).astype(int).tolist()
+        x1, y1 = np.clip(np.ceil(pixels.max(axis=0) / step + 2.0) * step, 0, size).astype(int).tolist()
         return (x0, y0, x1, y1) if x0 < x1 and y0 < y1 else None
 
     def _remap_ground(self, canvas: Image, ground: Ground, texels: Floats, density: Floats, box: Box) -> None:
+        """Draw a tile of the frame; one that looks too far to lie in a repeated level (near the horizon) in quarters."""
         x0, y0, x1, y1 = box
         step = self.coarse.step_px
         part = (slice(y0 // step, math.ceil(y1 / step) + 2), slice(x0 // step, math.ceil(x1 / step) + 2))
@@ -155,7 +162,11 @@ class CurvedPainter:
         tile_px = TILE_PX >> level
         nodes = texels[part] * scale + (0.5 * scale - 0.5)
         nodes = nodes - np.floor(nodes.min(axis=(0, 1)) / tile_px) * tile_px
-        fits = nodes.max() < ground.repeated[level].shape[0] - 1
+        fits = bool(nodes.max() < ground.repeated[level].shape[0] - 1)
+        if not fits and max(x1 - x0, y1 - y0) > _SMALLEST_TILE_PX:
+            for quarter in _quarters(box, step):
+                self._remap_ground(canvas, ground, texels, density, quarter)
+            return
         canvas[y0:y1, x0:x1] = cv2.remap(
             ground.repeated[level] if fits else ground.pyramid.levels[level],
             enlarged(np.clip(nodes, -3e4, 3e4), step)[: y1 - y0, : x1 - x0],
@@ -176,25 +187,28 @@ class CurvedPainter:
 
 def curved_painter(projection: Projection, width_px: int, height_px: int, readout_s: float) -> CurvedPainter:
     return CurvedPainter(
+        projection,
         ray_grid(projection, width_px, height_px, readout_s, _GROUND_STEP_PX),
         ray_grid(projection, width_px, height_px, readout_s, _SURFACE_STEP_PX),
     )
 
 
-def _spacing(points: Floats) -> Floats:
-    """Distance from each node to its farther neighbour."""
-    down, right = (np.asarray(part) for part in np.gradient(points, axis=(0, 1)))
-    spacing: Floats = np.maximum(np.abs(down).max(axis=-1), np.abs(right).max(axis=-1))
-    return spacing
+def _quarters(box: Box, step_px: int) -> list[Box]:
+    """The box cut in four (or two, where it is narrow) at multiples of the step; empty ones left out."""
+    x0, y0, x1, y1 = box
+    xm = x0 + math.ceil((x1 - x0) / 2 / step_px) * step_px
+    ym = y0 + math.ceil((y1 - y0) / 2 / step_px) * step_px
+    boxes = [(x0, y0, xm, ym), (xm, y0, x1, ym), (x0, ym, xm, y1), (xm, ym, x1, y1)]
+    return [(a, b, min(c, x1), min(d, y1)) for a, b, c, d in boxes if a < min(c, x1) and b < min(d, y1)]
 
 
 def _density(texels: Floats, step_px: int) -> Floats:
-    """Texels a pixel at each node: geometric mean of both directions, at least half the longer one."""
+    """Texels a pixel at each node: geometric mean of both directions, not much less than the longer one."""
     down, right = (np.asarray(part) for part in np.gradient(texels, step_px, axis=(0, 1)))
     area = np.abs(down[..., 0] * right[..., 1] - down[..., 1] * right[..., 0])
     square = (down**2 + right**2).sum(axis=-1)
     longest = np.sqrt((square + np.sqrt(np.maximum(square**2 - 4.0 * area**2, 0.0))) / 2.0)
-    density: Floats = np.maximum(np.sqrt(area), longest / 2.0)
+    density: Floats = np.maximum(np.sqrt(area), longest / 1.4)
     return density
 
 

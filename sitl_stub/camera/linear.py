@@ -114,8 +114,8 @@ def _shift(x: float, y: float) -> Floats:
 
 
 def texels_per_px(M: Floats, x: float, y: float) -> float:
-    """Texels of level 0 that a pixel spans: the geometric mean of both directions, but not less than half the longer one.
-    Infinity where the pixel does not see the plane."""
+    """Texels of level 0 that a pixel spans: the geometric mean of both directions, but not much less than the longer
+    one. Infinity where the pixel does not see the plane."""
     q = M @ (x, y, 1.0)
     if not q[2] > 0.0:
         return math.inf
@@ -124,7 +124,7 @@ def texels_per_px(M: Floats, x: float, y: float) -> float:
     area = abs(a * d - b * c)
     square = a * a + b * b + c * c + d * d
     longest = math.sqrt((square + math.sqrt(max(0.0, square * square - 4.0 * area * area))) / 2.0)
-    return max(math.sqrt(area), longest / 2.0)
+    return max(math.sqrt(area), longest / 1.4)
 
 
 def _ground_tiles(M: Floats, ground: Ground, width: int, height: int) -> list[tuple[Box, int]]:

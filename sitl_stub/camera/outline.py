@@ -11,6 +11,9 @@ from sitl_stub.camera.projection import Projection
 Box = tuple[int, int, int, int]
 """(x0, y0, x1, y1), half open."""
 
+RECTANGLE = np.array([[1.0, -1.0], [1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0]])
+"""Signs of the corners of a rectangle (x, y): front left, front right, back right, back left."""
+
 NEAR_M = 0.01
 _MARGIN_PX = 16.0
 _PIECES = 16
@@ -37,7 +40,7 @@ def image_polygon(points_C: Floats, projection: Projection, width_px: int, heigh
         return np.empty((0, 2))
     if projection.is_linear:
         return _clip_frame(projection.project(visible), width_px, height_px)
-    pixels = projection.project(_subdivided(visible))
+    pixels = projection.project(outline_points(visible))
     return pixels[np.isfinite(pixels).all(axis=1)]
 
 
@@ -67,7 +70,8 @@ def _clip_frame(polygon: Floats, width_px: int, height_px: int) -> Floats:
     return polygon
 
 
-def _subdivided(points: Floats) -> Floats:
+def outline_points(points: Floats) -> Floats:
+    """Corners (n, d) to points along the outline, 16 an edge."""
     share = (np.arange(_PIECES) / _PIECES)[:, None]
     following = np.roll(points, -1, axis=0)
     return np.concatenate([a + (b - a) * share for a, b in zip(points, following, strict=True)])

@@ -220,7 +220,7 @@ def test_edges_lie_right_through_every_lens(model, height_m, east_m):
 
     offsets = curved_offsets(image, corners_W(1.2, deck, (0.0, 0.0, 0.35)), position, angles, project)
     assert np.abs(offsets.reshape(4, -1).mean(axis=1)).max() < 0.05
-    assert np.abs(offsets).max() < 0.12  # single pieces hold few pixels
+    assert np.sqrt((offsets**2).mean()) < 0.06  # of pieces, where a bend drawn wrongly would show
 
 
 def test_the_map_of_a_curved_lens_and_the_homography_draw_the_same_picture():
