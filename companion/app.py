@@ -12,7 +12,7 @@ import contextlib
 import gc
 import signal
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
@@ -24,9 +24,10 @@ from companion.config import Config
 from companion.io.cameras import CameraError, CameraFrame, CaptureClock, frames
 from companion.io.link import Link
 from companion.io.links import open_link
-from companion.io.run_folder import RunFolder
+from companion.io.mcap_log import FrameSink, LogOrigin, McapWriter
+from companion.io.run_folder import RunFolder, versions
 from companion.io.tlog import TlogWriter
-from companion.messages import Health, OperatorAction, PadNotSeen, Phase, VelocitySetpoint
+from companion.messages import Health, Image, OperatorAction, PadNotSeen, Phase, VelocitySetpoint
 from companion.onboard import JournalEntry, Onboard
 from companion.telemetry.flight_record import FlightRecord
 from companion.telemetry.live_view import LiveView
@@ -88,6 +89,7 @@ class LiveApp:
         self.onboard = Onboard(config, start_ns=time.monotonic_ns())
         self._config = config
         self._sinks = sinks
+        self._frame_sinks = [sink for sink in sinks if isinstance(sink, FrameSink)]
         self._autostart = autostart
         self._link: Link | None = None
         self._stop = asyncio.Event()
@@ -219,6 +221,8 @@ class LiveApp:
             (name, frame), self._newest = self._newest, None
             capture_boot_us, local_ns = _capture_stamps(frame, self._config.cameras[name].clock)
             stamp = self.onboard.capture_time_ns(name, capture_boot_us=capture_boot_us, arrived_ns=local_ns)
+            for sink in self._frame_sinks:
+                sink.frame(name, frame.arrived_ns, stamp, frame.content)
             seen = await self._worker.look(
                 name,
                 frame.content,
@@ -269,21 +273,28 @@ async def _until(deadline_ns: int) -> None:
 
 
 class FolderSink:
-    """flight.tlog on the wall clock's time, and the record for the report."""
+    """flight.tlog and flight.mcap on the wall clock's time, and the record for the report."""
 
-    def __init__(self, folder: RunFolder) -> None:
+    def __init__(self, folder: RunFolder, config: Config, about: Mapping[str, str]) -> None:
         self.record = FlightRecord()
         self._writer = TlogWriter(folder.tlog)
         self._wall_minus_monotonic_ns = time.time_ns() - time.monotonic_ns()
+        self._messages = McapWriter(folder.mcap, LogOrigin(config, versions(), self._wall_minus_monotonic_ns, about))
 
     def datagram(self, now_ns: int, data: bytes, *, outgoing: bool) -> None:
         self._writer.write((now_ns + self._wall_minus_monotonic_ns) // 1000, data)
 
     def journal(self, entries: Sequence[JournalEntry]) -> None:
         self.record.add_all(entry.message for entry in entries)
+        for entry in entries:
+            self._messages.write(entry)
+
+    def frame(self, camera: str, arrived_ns: int, t_ns: int, content: Image | bytes) -> None:
+        self._messages.write_frame(camera, arrived_ns, t_ns, content)
 
     def close(self) -> None:
         self._writer.close()
+        self._messages.close()
 
 
 class LiveViewSink:
@@ -342,7 +353,7 @@ def drive(
 ) -> tuple[LiveApp, FlightRecord, float]:
     """Run the live app with its recorder and view. `until` is a coroutine function that may stop it."""
     started = time.monotonic()
-    sink = FolderSink(folder)
+    sink = FolderSink(folder, config, {"title": title})
     sinks: list[LiveSink] = [sink]
     with contextlib.ExitStack() as stack:
         if show:

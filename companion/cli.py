@@ -80,7 +80,7 @@ def _print_result(figures: dict[str, Any], as_json: bool, console: Console) -> N
         return
     console.print(summary_line(figures), style="bold green" if figures["outcome"] == "landed" else "bold red")
     if "run" in figures:
-        console.print(f"kept in {figures['run']}: flight.tlog, run.json, report.html")
+        console.print(f"kept in {figures['run']}: flight.tlog, flight.mcap, run.json, report.html")
 
 
 @app.command()

@@ -13,7 +13,7 @@ from typing import Any
 from rich.console import Console
 from rich.live import Live
 
-from companion.campaign.flight_sinks import ReportSink, TlogSink, ViewSink
+from companion.campaign.flight_sinks import McapSink, ReportSink, TlogSink, ViewSink
 from companion.campaign.runner import Sink, fly
 from companion.campaign.summary import summary, summary_line
 from companion.config import Config
@@ -46,6 +46,8 @@ def fly_demo(scenario: Scenario, config: Config, options: DemoOptions, console: 
     if folder is not None:
         folder.write_config(config)
         sinks.append(TlogSink(folder.tlog))
+        about = {"scenario": options.scenario_name, "seed": str(options.seed), "simulated": "true"}
+        sinks.append(McapSink(folder.mcap, config, about))
     if options.show:
         sinks.append(ViewSink(view))
     started = time.monotonic()

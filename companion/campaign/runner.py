@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from companion.config import Config
+from companion.io.mcap_log import FrameSink
 from companion.messages import (
     CameraImage,
     CommandKind,
@@ -124,6 +125,7 @@ class _Flight:
             start_ns=CLOCK_OFFSET_NS,
         )
         self._sinks = sinks
+        self._frame_sinks = [sink for sink in sinks if isinstance(sink, FrameSink)]
         self._script = sorted(operator.actions)
         self._autostart = operator.start
         self._heard_s: float | None = None
@@ -181,6 +183,8 @@ class _Flight:
             return
         self._report(self._arrivals.arrived(self._now_ns))
         t_ns = self._onboard.capture_time_ns(camera, capture_boot_us=t_capture_us, arrived_ns=self._now_ns)
+        for sink in self._frame_sinks:
+            sink.frame(camera, self._now_ns, t_ns, image)
         frame = CameraImage(t_ns, camera, image, sequence)
         detection = detector.detect(frame, self._onboard.hint(camera, t_ns))
         self._report(detector.take_health())

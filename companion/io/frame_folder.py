@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
-import numpy as np
 
+from companion.io.cameras.frame import as_image, decoded
 from companion.io.mcap_log import McapLog
 from companion.messages import Image
 
@@ -51,14 +51,6 @@ def recorded_frames(path: Path, rate_hz: float | None = None) -> list[RecordedFr
     return sorted(found, key=lambda frame: frame.t_s)
 
 
-def picture(data: bytes) -> Image | None:
-    """Decompress; None where it is no picture."""
-    if not data:
-        return None
-    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
-    return None if image is None else np.asarray(image, np.uint8)
-
-
 def _folder(path: Path, rate_hz: float) -> list[RecordedFrame]:
     times = path / TIMES
     if times.is_file():
@@ -82,14 +74,14 @@ def _times(path: Path) -> list[tuple[str, float]]:
 
 
 def _file_frame(path: Path, t_s: float, sequence: int) -> RecordedFrame:
-    return RecordedFrame(t_s, sequence, lambda: picture(path.read_bytes()) if path.is_file() else None)
+    return RecordedFrame(t_s, sequence, lambda: decoded(path.read_bytes()) if path.is_file() else None)
 
 
 def _mcap(path: Path) -> list[RecordedFrame]:
     log = McapLog.read(path)
     start_ns = next((entry.arrived_ns for entry in log.entries()), 0) + log.log_minus_companion_ns
     return [
-        RecordedFrame((t_ns - start_ns) / 1e9, i, lambda data=jpeg: picture(data))  # type: ignore[misc]
+        RecordedFrame((t_ns - start_ns) / 1e9, i, lambda data=jpeg: decoded(data))  # type: ignore[misc]
         for i, (_, t_ns, jpeg) in enumerate(log.frames())
     ]
 
@@ -102,6 +94,6 @@ def _video(path: Path, rate_hz: float | None) -> list[RecordedFrame]:
 
     def read() -> Image | None:
         good, image = video.read()
-        return np.asarray(image, np.uint8) if good else None
+        return as_image(image) if good else None
 
     return [RecordedFrame(i / rate, i, read) for i in range(max(count, 0))]

@@ -21,7 +21,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 import cv2
 import msgspec
@@ -44,7 +44,7 @@ FLUSH_EVERY_NS = 500_000_000
 
 CHUNK_BYTES = 1_000_000
 FRAME_PERIOD_NS = 500_000_000
-JPEG_QUALITY = 80
+JPEG_QUALITY = 50
 FRAME_TOPIC = "/camera/"
 TRUTH_TOPIC = "/truth"
 MAX_CHUNK_BYTES = 64_000_000
@@ -497,6 +497,13 @@ def _next_chunk(data: bytes, start: int) -> int:
         if begin >= start and data[begin] == Opcode.CHUNK:
             return begin
     return len(data)
+
+
+@runtime_checkable
+class FrameSink(Protocol):
+    """A sink that also wants the camera's frames: pixels, or the JPEG as it came. Must not block."""
+
+    def frame(self, camera: str, arrived_ns: int, t_ns: int, content: Image | bytes) -> None: ...
 
 
 def write_entries(path: Path, origin: LogOrigin, entries: Sequence[JournalEntry]) -> None:

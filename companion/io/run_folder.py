@@ -1,6 +1,7 @@
 """runs/<name>/: everything that is kept of one flight. Written while it happens, so that a killed process leaves it readable.
 
 flight.tlog   every datagram both ways, as ground stations and pymavlink read it
+flight.mcap   every message with its schema, some camera frames, the configuration: what `companion replay` reads
 run.json      what was flown, with what, and how it ended
 config.json   the whole configuration
 report.html   one self-contained page
@@ -29,6 +30,10 @@ class RunFolder:
     @property
     def tlog(self) -> Path:
         return self.path / "flight.tlog"
+
+    @property
+    def mcap(self) -> Path:
+        return self.path / "flight.mcap"
 
     @property
     def report(self) -> Path:
