@@ -1,0 +1,163 @@
+"""The marker detector as the pipeline uses it: acquire, track, hand over between scales, refuse."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+import scenes
+
+from companion import config
+from companion.geometry import Transform, matrix_from_quaternion, quaternion_from_matrix
+from companion.messages import CameraImage, PadNotSeen, PadObservation
+from companion.vision import DETECTORS, DetectionHint, pose
+from companion.vision.lens import from_config
+
+K = scenes.camera_matrix()
+LENS = from_config(config.Camera())
+PAD = scenes.nested_pad_texture()
+
+
+def detector(vision: config.Vision | None = None, pad: config.Pad | None = None):  # type: ignore[no-untyped-def]
+    return DETECTORS["aruco"](vision or config.Vision(), pad or config.Pad(), LENS)
+
+
+def seen_from(R: np.ndarray, p: np.ndarray, seed: int, texture: scenes.Image = PAD, **keys: float) -> CameraImage:
+    image = scenes.picture(texture, R, p, K, rng=np.random.default_rng(seed), **keys)  # type: ignore[arg-type]
+    return CameraImage(t_ns=1_000, camera="down", image=image, sequence=1)
+
+
+def transform(R: np.ndarray, p: np.ndarray) -> Transform:
+    return Transform(quaternion_from_matrix(tuple(tuple(row) for row in R.tolist())), tuple(p.tolist()))  # type: ignore[arg-type]
+
+
+def hint(R: np.ndarray, p: np.ndarray, sigma_m: float = 0.05) -> DetectionHint:
+    return DetectionHint(transform(R, p), sigma_m, tuple(R[:, 2].tolist()))
+
+
+def observed(detection: object) -> PadObservation:
+    assert isinstance(detection, PadObservation), detection
+    return detection
+
+
+def error_m(observation: PadObservation, p: np.ndarray) -> float:
+    return float(np.linalg.norm(np.array(observation.pad_position_camera_m) - p))
+
+
+def error_deg(observation: PadObservation, R: np.ndarray) -> float:
+    assert observation.q_camera_pad is not None
+    return float(np.degrees(pose.rotation_angle(R.T @ np.array(matrix_from_quaternion(observation.q_camera_pad)))))
+
+
+@pytest.mark.parametrize("distance_m", [0.5, 1.5, 4.0, 10.0, 20.0])
+@pytest.mark.parametrize("tracked", [False, True])
+def test_the_landing_point_is_found_within_a_third_of_a_percent_of_the_range(distance_m: float, tracked: bool) -> None:
+    R, p = scenes.looking_down(0.6, 0.08, -0.05), np.array([0.03, -0.04, 1.0]) * distance_m
+    prior = hint(R, p + 0.03) if tracked else None
+    observation = observed(detector().detect(seen_from(R, p, 3), prior))
+    assert error_m(observation, p) <= 0.0033 * distance_m
+    assert (observation.t_ns, observation.camera, observation.detector) == (1_000, "down", "aruco")
+
+
+def test_the_same_frame_and_hint_give_the_same_answer() -> None:
+    R, p = scenes.looking_down(0.6), np.array([0.1, 0.1, 5.0])
+    frame, prior, eye = seen_from(R, p, 4), hint(R, p), detector()
+    first = eye.detect(frame, prior)
+    eye.detect(seen_from(R, p + 0.3, 5), None)
+    assert eye.detect(frame, prior) == first
+
+
+def test_a_wrong_prediction_costs_time_but_not_the_pad() -> None:
+    R, p = scenes.looking_down(0.6), np.array([0.4, -0.3, 6.0])
+    wrong = hint(scenes.looking_down(-1.0), p + [1.5, 0.5, -2.0], sigma_m=0.02)
+    assert error_m(observed(detector().detect(seen_from(R, p, 6), wrong)), p) < 0.02
+
+
+def test_descending_from_the_outer_to_the_inner_marker_makes_no_step() -> None:
+    """From 3 m to 0.4 m, tracked from frame to frame: never more than 1 cm or 1 degree off, whichever markers are seen."""
+    eye, R = detector(), scenes.looking_down(0.3, 0.03, -0.02)
+    prior, seen = None, []
+    for k, height_m in enumerate(np.geomspace(3.0, 0.4, 24)):
+        p = np.array([0.02, 0.01, 1.0]) * height_m
+        observation = observed(eye.detect(seen_from(R, p, k), prior))
+        assert error_m(observation, p) <= 0.01
+        assert error_deg(observation, R) <= 1.0
+        prior = hint(R, p)
+        seen.append(observation.marker_ids)
+    assert 45 in seen[0]
+    assert seen[-1] == (7,)
+
+
+def test_several_markers_give_one_landing_point() -> None:
+    """Four markers around the landing point, none on it; the last two are covered."""
+    places = ((1, (0.4, -0.4)), (2, (0.4, 0.4)), (3, (-0.4, 0.4)), (4, (-0.4, -0.4)))
+    board = config.Pad(markers=tuple(config.Marker(id=i, size_m=0.4, position_m=xy) for i, xy in places))
+    texture = scenes.pad_texture(1.5, cv2.aruco.DICT_4X4_50, tuple((i, 0.4, xy) for i, xy in places))
+    R, p = scenes.looking_down(-0.4, 0.1, 0.0), np.array([0.2, 0.1, 3.0])
+    whole = observed(detector(pad=board).detect(seen_from(R, p, 1, texture), None))
+    assert set(whole.marker_ids) == {1, 2, 3, 4}
+    assert error_m(whole, p) < 0.006
+    texture[texture.shape[0] // 2 :] = 230
+    half = observed(detector(pad=board).detect(seen_from(R, p, 1, texture), None))
+    assert set(half.marker_ids) == {1, 2}
+    assert error_m(half, p) < 0.02
+
+
+def test_an_apriltag_pad_is_found_as_well() -> None:
+    pad = config.Pad(family="DICT_APRILTAG_36h11", markers=(config.Marker(id=5, size_m=1.0),))
+    texture = scenes.pad_texture(1.5, cv2.aruco.DICT_APRILTAG_36h11, ((5, 1.0, (0.0, 0.0)),))
+    R, p = scenes.looking_down(2.0, 0.1, 0.1), np.array([0.2, 0.1, 9.0])
+    assert error_m(observed(detector(pad=pad).detect(seen_from(R, p, 1, texture), None)), p) < 0.03
+
+
+def test_a_colour_frame_is_as_good_as_a_grey_one() -> None:
+    R, p = scenes.looking_down(), np.array([0.0, 0.0, 4.0])
+    grey = seen_from(R, p, 2)
+    colour = CameraImage(grey.t_ns, grey.camera, np.dstack([grey.image] * 3), grey.sequence)
+    assert error_m(observed(detector().detect(colour, None)), p) < 0.01
+
+
+def test_a_frame_without_the_pad_says_so() -> None:
+    ground = np.clip(110.0 + scenes.ground_texture(752, 480, np.random.default_rng(0)), 0, 255).astype(np.uint8)
+    detection = detector().detect(CameraImage(5, "down", ground, 1), None)
+    assert detection == PadNotSeen(5, "down", "aruco", "no marker")
+
+
+def test_a_frame_of_the_wrong_size_is_refused_by_name() -> None:
+    detection = detector().detect(CameraImage(5, "down", np.zeros((240, 320), np.uint8), 1), None)
+    assert isinstance(detection, PadNotSeen)
+    assert "320 x 240" in detection.reason
+
+
+def test_a_marker_that_gravity_says_hangs_on_a_wall_is_not_the_pad() -> None:
+    R, p = scenes.looking_down(), np.array([0.0, 0.0, 4.0])
+    sideways = DetectionHint(None, 1e3, (0.0, 1.0, 0.0))
+    assert isinstance(detector().detect(seen_from(R, p, 2), sideways), PadNotSeen)
+
+
+def test_a_marker_cut_by_the_border_leaves_the_other_to_tell() -> None:
+    R, p = scenes.looking_down(), np.array([0.25, 0.1, 0.9])
+    observation = observed(detector().detect(seen_from(R, p, 2), None))
+    assert observation.marker_ids == (7,)
+    assert error_m(observation, p) < 0.003
+
+
+@pytest.mark.parametrize("refine", ["edges", "subpix", "none"])
+def test_every_refinement_finds_the_pad(refine: str) -> None:
+    R, p = scenes.looking_down(0.2), np.array([0.1, 0.2, 5.0])
+    vision = config.Vision(refine=refine)  # type: ignore[arg-type]
+    assert error_m(observed(detector(vision).detect(seen_from(R, p, 2), None)), p) < 0.15
+
+
+def test_the_position_error_stays_within_its_covariance() -> None:
+    """Far and near, tracked: 30 frames, the mean normalised squared error at most what three degrees of freedom have."""
+    eye, squares = detector(), []
+    for seed in range(30):
+        rng = np.random.default_rng(seed)
+        distance_m = float(rng.uniform(2.0, 16.0))
+        R = scenes.looking_down(float(rng.uniform(-3, 3)), *rng.normal(0.0, 0.08, 2))
+        p = np.array([rng.uniform(-0.3, 0.3), rng.uniform(-0.2, 0.2), 1.0]) * distance_m
+        observation = observed(eye.detect(seen_from(R, p, seed), hint(R, p + rng.normal(0.0, 0.03, 3))))
+        error = np.array(observation.pad_position_camera_m) - p
+        squares.append(error @ np.linalg.solve(np.array(observation.position_covariance_m2), error))
+    assert np.mean(squares) <= 3.0
