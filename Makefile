@@ -13,6 +13,7 @@ demo: setup ## a simulated quadrotor finds a moving pad, lands on it and disarms
 	@$(BIN)/companion demo $(ARGS)
 
 test: setup ## the whole test suite
+	@.ci/system-packages
 	@echo "-- tests"
 	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q -n 2 --dist worksteal $(ARGS)
 

@@ -21,6 +21,7 @@ from companion import camera_info
 Positive = Annotated[float, Meta(gt=0.0)]
 NonNegative = Annotated[float, Meta(ge=0.0)]
 Fraction = Annotated[float, Meta(ge=0.0, le=1.0)]
+Port = Annotated[int, Meta(ge=1, le=65535)]
 SystemId = Annotated[int, Meta(ge=1, le=255)]
 
 
@@ -239,6 +240,44 @@ class Safety(_Section, frozen=True):
     stall_silence_s: Positive = 1.0
 
 
+class Mqtt(_Section, frozen=True):
+    """Telemetry to a broker, commands and pad beacon from it (docs/mqtt.md). The password stands in a file of its own, so
+    that it does not end up in run folders. A broker elsewhere needs `tls` and `user`, or `insecure` where one knows better.
+    """
+
+    enabled: bool = False
+    host: str = "127.0.0.1"
+    port: Port = 1883
+    tls: bool = False
+    ca_file: str | None = None
+    certificate_file: str | None = None
+    key_file: str | None = None
+    user: str | None = None
+    password_file: str | None = None
+    insecure: bool = False
+    prefix: Annotated[str, Meta(pattern="^[^/+#$][^+#]*$", max_length=200)] = "companion"
+    client_id: str = ""
+    accept: tuple[Literal["command", "pad"], ...] = ("command", "pad")
+    queue: Annotated[int, Meta(ge=1, le=100_000)] = 256
+    keepalive_s: Annotated[int, Meta(ge=2, le=3600)] = 10
+    timeout_s: Positive = 3.0
+    max_backoff_s: Positive = 15.0
+
+
+class Dashboard(_Section, frozen=True):
+    """The page in a browser (docs/dashboard.md). `token_file` holds the token; without one, a new token is made for every
+    run. An address that is not this computer's own needs `certificate_file` and `key_file`, or `insecure`."""
+
+    enabled: bool = False
+    host: str = "127.0.0.1"
+    port: Annotated[int, Meta(ge=0, le=65535)] = 8080
+    token_file: str | None = None
+    certificate_file: str | None = None
+    key_file: str | None = None
+    insecure: bool = False
+    rate_hz: Annotated[float, Meta(gt=0.0, le=30.0)] = 10.0
+
+
 class Config(_Section, frozen=True):
     """All of it."""
 
@@ -251,6 +290,8 @@ class Config(_Section, frozen=True):
     control: Control = Control()
     mission: Mission = Mission()
     safety: Safety = Safety()
+    mqtt: Mqtt = Mqtt()
+    dashboard: Dashboard = Dashboard()
 
 
 def load(files: Sequence[Path] = (), overrides: Mapping[str, str] | None = None) -> Config:
