@@ -6,6 +6,7 @@ curve), sensor (noise) and compression. The world calls `render` at each capture
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -16,10 +17,11 @@ from sitl_stub.camera import PROJECTIONS
 from sitl_stub.camera.curved import curved_painter
 from sitl_stub.camera.deck_box import paint_board_back, paint_covers, paint_deck_shadow, paint_deck_sides
 from sitl_stub.camera.ground import Ground, ground_of
+from sitl_stub.camera.hidden import hidden_by_deck
 from sitl_stub.camera.image import Floats, Image
 from sitl_stub.camera.light import tone_curve
 from sitl_stub.camera.linear import linear_painter
-from sitl_stub.camera.motion import Twist, blur_plane, twist_of
+from sitl_stub.camera.motion import Twist, blur_plane, skew, twist_of
 from sitl_stub.camera.mount import Pose, mount_rotation, pose
 from sitl_stub.camera.noise import add_noise
 from sitl_stub.camera.outline import Box
@@ -37,7 +39,15 @@ class Painter(Protocol):
     """Draws planes for one camera; linear.py or curved.py."""
 
     def paint_ground(
-        self, canvas: Image, X_CW: Pose, twist: Twist, ground_down_m: float, drift_m: Floats, ground: Ground, sky: Image
+        self,
+        canvas: Image,
+        boxes: Sequence[Box],
+        X_CW: Pose,
+        twist: Twist,
+        ground_down_m: float,
+        drift_m: Floats,
+        ground: Ground,
+        sky: Image,
     ) -> None: ...
     def paint_surface(self, canvas: Image, X_CS: Pose, twist: Twist, surface: Surface) -> Box | None: ...
 
@@ -65,6 +75,7 @@ class Camera:
         self._ground = ground_of(scene.ground, spec.colour)
         self._surfaces = surfaces_of(scene.pad, spec.colour)
         self._vignette = _vignette(spec)
+        self._around_deck = hidden_by_deck(self.projection, spec.width_px, spec.height_px, scene.pad)
         self._sky = np.array(_SKY_BGR if spec.colour else _SKY_GREY, np.uint8)
 
     def render(self, view: CameraView, rng: np.random.Generator) -> Image:
@@ -80,9 +91,11 @@ class Camera:
 
     def _paint(self, canvas: Image, view: CameraView) -> None:
         geometry = self._geometry(view)
-        self._paint_ground(canvas, view, geometry)
         pad, light, projection = self.scene.pad, view.light, self.projection
-        paint_deck_sides(canvas, projection, geometry.X_CW, geometry.X_WP, pad, light)
+        boxes = self._around_deck.boxes(geometry.X_CP)
+        if boxes:
+            self._paint_ground(canvas, boxes, view, geometry)
+            paint_deck_sides(canvas, projection, geometry.X_CW, geometry.X_WP, pad, light)
         for i, surface in enumerate(self._surfaces):
             if i > 0:
                 paint_board_back(canvas, projection, geometry.X_CP @ surface.X_PS, surface)
@@ -93,16 +106,19 @@ class Camera:
                 paint_glare(canvas, projection, geometry.X_CP, light.glare)
             self._blur(canvas, box, *_of_surface(geometry, surface))
 
-    def _paint_ground(self, canvas: Image, view: CameraView, geometry: Geometry) -> None:
+    def _paint_ground(self, canvas: Image, boxes: Sequence[Box], view: CameraView, geometry: Geometry) -> None:
         down_m, light = self.scene.ground_down_m, view.light
         drift_m = np.array(self._ground.drift_m_s) * (view.t_us * 1e-6)
-        self._painter.paint_ground(canvas, geometry.X_CW, geometry.twist_CW, down_m, drift_m, self._ground, self._sky)
+        self._painter.paint_ground(
+            canvas, boxes, geometry.X_CW, geometry.twist_CW, down_m, drift_m, self._ground, self._sky
+        )
         paint_deck_shadow(canvas, self.projection, geometry.X_CW, geometry.X_WP, self.scene, light)
         below = Pose(np.eye(3), np.array([0.0, 0.0, down_m - geometry.X_WP.p[2]]))
         paint_shadow_edge(canvas, self.projection, geometry.X_CP @ below, None, light.shadow)
         offset_C = geometry.X_CW.R @ np.array([0.0, 0.0, down_m])
         ground = Pose(geometry.X_CW.R, geometry.X_CW.p + offset_C)
-        self._blur(canvas, (0, 0, canvas.shape[1], canvas.shape[0]), ground, geometry.twist_CW.about(offset_C))
+        for box in boxes:
+            self._blur(canvas, box, ground, geometry.twist_CW.about(offset_C))
 
     def _blur(self, canvas: Image, box: Box | None, X_CS: Pose, twist: Twist) -> None:
         if box is not None and self.spec.effects.motion_blur and not twist.is_still:
@@ -122,7 +138,7 @@ class Camera:
         X_WP = pose(view.deck_position_ned_m, view.deck_q_ned_pad)
         X_CW = (X_WB @ self._X_BC).inverse()
         omega = X_WB.R @ np.array(view.vehicle_angular_velocity_frd_rad_s)
-        velocity = np.array(view.vehicle_velocity_ned_m_s) + np.cross(omega, X_WB.R @ self._X_BC.p)
+        velocity = np.array(view.vehicle_velocity_ned_m_s) + skew(omega) @ (X_WB.R @ self._X_BC.p)
         camera = Twist(velocity, omega)
         X_CP = X_CW @ X_WP
         deck_omega = X_WP.R @ np.array(view.deck_angular_velocity_pad_rad_s)

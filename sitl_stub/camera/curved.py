@@ -7,6 +7,7 @@ the pad: a few thousandths of a pixel). With a rolling shutter each row of nodes
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,7 +21,6 @@ from sitl_stub.camera.motion import Twist, moved
 from sitl_stub.camera.mount import Pose
 from sitl_stub.camera.outline import RECTANGLE, Box, outline_points
 from sitl_stub.camera.projection import Projection
-from sitl_stub.camera.pyramid import Pyramid
 from sitl_stub.camera.scene import Surface
 
 _NO_MAP: Any = None
@@ -30,6 +30,7 @@ _GROUND_STEP_PX = 8
 _SURFACE_STEP_PX = 4
 _GROUND_TILE_PX = 160
 _SMALLEST_TILE_PX = 40
+_EDGE_TEXELS = 2.5
 _GRAZING_SINE = 0.012
 """Rays flatter than 0.7 degrees above the ground see haze, and no plane is followed farther than that."""
 
@@ -92,9 +93,17 @@ class CurvedPainter:
     fine: RayGrid
 
     def paint_ground(
-        self, canvas: Image, X_CW: Pose, twist: Twist, ground_down_m: float, drift_m: Floats, ground: Ground, sky: Image
+        self,
+        canvas: Image,
+        boxes: Sequence[Box],
+        X_CW: Pose,
+        twist: Twist,
+        ground_down_m: float,
+        drift_m: Floats,
+        ground: Ground,
+        sky: Image,
     ) -> None:
-        """Fill the canvas with ground, and with `sky` (one pixel) above the horizon."""
+        """Fill the boxes with ground, and with `sky` (one pixel) above the horizon."""
         camera_W = -(X_CW.R.T @ X_CW.p)
         if ground_down_m - camera_W[2] < 1e-3:
             canvas[:] = sky
@@ -106,11 +115,11 @@ class CurvedPainter:
         points, sine = plane_points(self.coarse, below, twist.about(X_CW.R @ origin))
         texels = np.stack([points[..., 1], -points[..., 0]], axis=-1) / ground.pyramid.metres_per_texel - 0.5
         density = _density(texels, self.coarse.step_px)
-        height, width = canvas.shape[:2]
-        for y0 in range(0, height, _GROUND_TILE_PX):
-            for x0 in range(0, width, _GROUND_TILE_PX):
-                box = (x0, y0, min(width, x0 + _GROUND_TILE_PX), min(height, y0 + _GROUND_TILE_PX))
-                self._remap_ground(canvas, ground, texels, density, box)
+        for left, top, right, bottom in boxes:
+            for y0 in range(top, bottom, _GROUND_TILE_PX):
+                for x0 in range(left, right, _GROUND_TILE_PX):
+                    box = (x0, y0, min(right, x0 + _GROUND_TILE_PX), min(bottom, y0 + _GROUND_TILE_PX))
+                    self._remap_ground(canvas, ground, texels, density, box)
         self._paint_sky(canvas, sine, ground.mean, sky)
 
     def paint_surface(self, canvas: Image, X_CS: Pose, twist: Twist, surface: Surface) -> Box | None:
@@ -128,8 +137,11 @@ class CurvedPainter:
         texels[sine <= 0.0] = -1e6
         x0, y0, x1, y1 = box
         region = canvas[y0:y1, x0:x1]
-        full = enlarged(texels, grid.step_px)[: y1 - y0, : x1 - x0]
-        _compose_map(region, full, surface.pyramid, _density_inside(texels, grid.step_px, rows, columns))
+        level = surface.pyramid.level_for(_density_inside(texels[::2, ::2], 2 * grid.step_px, rows, columns))
+        nodes = texels * 0.5**level + (0.5 * 0.5**level - 0.5)
+        full = enlarged(nodes, grid.step_px)[: y1 - y0, : x1 - x0]
+        size = (columns * 0.5**level, rows * 0.5**level)
+        _compose_map(region, full, surface.pyramid.levels[level], size)
         return box
 
     def _box(self, canvas: Image, X_CS: Pose, twist: Twist, surface: Surface) -> Box | None:
@@ -219,29 +231,27 @@ def _density_inside(texels: Floats, step_px: int, rows: int, columns: int) -> fl
     return float(np.median(density[inside])) if inside.any() else float(density.min())
 
 
-def _compose_map(region: Image, texels: Floats32, pyramid: Pyramid, density: float) -> None:
-    """Draw the face where its texels lie inside it; edge pixels by the share they are covered."""
-    level = pyramid.level_for(density)
-    scale = np.float32(0.5**level)
-    warped = cv2.remap(
-        pyramid.levels[level],
-        texels * scale + (np.float32(0.5) * scale - np.float32(0.5)),
-        _NO_MAP,
-        cv2.INTER_LINEAR,
-        borderMode=cv2.BORDER_REPLICATE,
+def _compose_map(region: Image, texels: Floats32, texture: Image, size: tuple[float, float]) -> None:
+    """Draw the face where its texels lie inside it (`size` is its columns and rows); edge pixels by the share they are
+    covered. `texels` has about one texel a pixel."""
+    warped = np.asarray(
+        cv2.remap(texture, texels, _NO_MAP, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE), np.uint8
     )
-    rows, columns = pyramid.levels[0].shape[:2]
-    reach = 2.5 * density
-    outer = cv2.inRange(texels, (-reach, -reach), (columns + reach, rows + reach))
-    inner = cv2.inRange(texels, (reach, reach), (columns - reach, rows - reach))
-    edge_rows, edge_columns = np.nonzero(outer != inner)
-    share = _share(texels, edge_rows, edge_columns, (columns, rows))
-    before = region[edge_rows, edge_columns]
+    outer = cv2.inRange(texels, (-_EDGE_TEXELS,) * 2, (size[0] + _EDGE_TEXELS, size[1] + _EDGE_TEXELS))
+    inner = cv2.inRange(texels, (_EDGE_TEXELS,) * 2, (size[0] - _EDGE_TEXELS, size[1] - _EDGE_TEXELS))
+    cv2.bitwise_xor(outer, inner, dst=outer)
+    edges = cv2.findNonZero(outer)
+    if edges is None:
+        cv2.copyTo(warped, inner, region)
+        return
+    columns, rows = np.asarray(edges, np.intp).reshape(-1, 2).T
+    share = _share(texels, rows, columns, size)
+    before = region[rows, columns]
     cv2.copyTo(warped, inner, region)
-    blend_edges(region, edge_rows, edge_columns, before, np.asarray(warped, np.uint8)[edge_rows, edge_columns], share)
+    blend_edges(region, rows, columns, before, warped[rows, columns], share)
 
 
-def _share(texels: Floats32, rows: Integers, columns: Integers, size: tuple[int, int]) -> Floats:
+def _share(texels: Floats32, rows: Integers, columns: Integers, size: tuple[float, float]) -> Floats:
     """As in linear.py, with the map's own differences for the span of a pixel."""
     up, down = np.maximum(rows - 1, 0), np.minimum(rows + 1, texels.shape[0] - 1)
     left, right = np.maximum(columns - 1, 0), np.minimum(columns + 1, texels.shape[1] - 1)

@@ -62,7 +62,7 @@ def paint_deck_shadow(
     drop = (scene.ground_down_m - top[:, 2:3]) / -sun[2]
     thrown = top - sun * drop
     foot = top + (0.0, 0.0, 1.0) * (scene.ground_down_m - top[:, 2:3])
-    hull = cv2.convexHull(np.concatenate([thrown, foot])[:, :2].astype(np.float32))[:, 0, :]
+    hull = cv2.convexHull(np.concatenate([thrown, foot])[:, :2].astype(np.float32)).reshape(-1, 2)
     outline = np.column_stack([hull.astype(np.float64), np.full(len(hull), scene.ground_down_m)])
     darken(canvas, image_polygon(outline @ X_CW.R.T + X_CW.p, projection, *canvas.shape[1::-1]), _SHADE_REMAINING)
 

@@ -37,16 +37,25 @@ class LinearPainter:
     K_inverse: Floats
 
     def paint_ground(
-        self, canvas: Image, X_CW: Pose, twist: Twist, ground_down_m: float, drift_m: Floats, ground: Ground, sky: Image
+        self,
+        canvas: Image,
+        boxes: Sequence[Box],
+        X_CW: Pose,
+        twist: Twist,
+        ground_down_m: float,
+        drift_m: Floats,
+        ground: Ground,
+        sky: Image,
     ) -> None:
-        """Fill the canvas with ground, and with `sky` (one pixel) above the horizon. `twist` is not used: no row is late."""
+        """Fill the boxes with ground, and with `sky` (one pixel) above the horizon. `twist` is not used: no row is late."""
         height_m = ground_down_m + float((X_CW.R.T @ X_CW.p)[2])
         if height_m < _EDGE_ON_M:
             canvas[:] = sky
             return
         M = self._ground_texels(X_CW, height_m, drift_m, ground)
-        for box, level in _ground_tiles(M, ground, canvas.shape[1], canvas.shape[0]):
-            _warp_ground(canvas, ground, level, M, box)
+        for box in boxes:
+            for tile, level in _ground_tiles(M, ground, box):
+                _warp_ground(canvas, ground, level, M, tile)
         self._paint_sky(canvas, X_CW, ground.mean, sky)
 
     def paint_surface(self, canvas: Image, X_CS: Pose, twist: Twist, surface: Surface) -> Box | None:
@@ -127,18 +136,19 @@ def texels_per_px(M: Floats, x: float, y: float) -> float:
     return max(math.sqrt(area), longest / 1.4)
 
 
-def _ground_tiles(M: Floats, ground: Ground, width: int, height: int) -> list[tuple[Box, int]]:
-    """Regions of the frame with the level each is drawn from: one where levels hardly differ, tiles otherwise."""
-    middle = _ground_level(M, ground, width / 2, height / 2)
-    corners = [_ground_level(M, ground, x, y) for x in (0, width - 1) for y in (0, height - 1)]
-    if max(corners, key=lambda level: abs(level - middle)) in (middle - 1, middle, middle + 1):
-        return [((0, 0, width, height), middle)]
+def _ground_tiles(M: Floats, ground: Ground, box: Box) -> list[tuple[Box, int]]:
+    """Regions of the box with the level each is drawn from: one where levels hardly differ, tiles otherwise."""
+    left, top, right, bottom = box
+    middle = _ground_level(M, ground, (left + right) / 2, (top + bottom) / 2)
+    corners = [_ground_level(M, ground, x, y) for x in (left, right - 1) for y in (top, bottom - 1)]
+    if all(abs(level - middle) <= 1 for level in corners):
+        return [(box, middle)]
     tiles = []
-    for y0 in range(0, height, _TILE_PX[1]):
-        y1 = min(height, y0 + _TILE_PX[1])
-        starts = range(0, width, _TILE_PX[0])
+    for y0 in range(top, bottom, _TILE_PX[1]):
+        y1 = min(bottom, y0 + _TILE_PX[1])
+        starts = range(left, right, _TILE_PX[0])
         levels = [_ground_level(M, ground, x0 + _TILE_PX[0] / 2, (y0 + y1) / 2) for x0 in starts]
-        tiles += [((x0, y0, x1, y1), level) for x0, x1, level in _runs(starts, levels, width)]
+        tiles += [((x0, y0, x1, y1), level) for x0, x1, level in _runs(starts, levels, right)]
     return tiles
 
 
