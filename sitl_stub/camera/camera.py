@@ -76,6 +76,7 @@ class Camera:
         self._surfaces = surfaces_of(scene.pad, spec.colour)
         self._vignette = _vignette(spec)
         self._around_deck = hidden_by_deck(self.projection, spec.width_px, spec.height_px, scene.pad)
+        self._focal_px = _focal_px(self.projection)
         self._sky = np.array(_SKY_BGR if spec.colour else _SKY_GREY, np.uint8)
 
     def render(self, view: CameraView, rng: np.random.Generator) -> Image:
@@ -122,7 +123,7 @@ class Camera:
 
     def _blur(self, canvas: Image, box: Box | None, X_CS: Pose, twist: Twist) -> None:
         if box is not None and self.spec.effects.motion_blur and not twist.is_still:
-            blur_plane(canvas, box, self.projection, X_CS, twist, self.spec.exposure_s)
+            blur_plane(canvas, box, self.projection, X_CS, twist, self.spec.exposure_s, self._focal_px)
 
     def _through_lens(self, canvas: Image, view: CameraView) -> Image:
         softness = self.spec.effects.softness_px
@@ -160,6 +161,12 @@ def _painter(spec: CameraSpec, projection: Projection) -> Painter:
 
 def _of_surface(geometry: Geometry, surface: Surface) -> tuple[Pose, Twist]:
     return geometry.X_CP @ surface.X_PS, geometry.twist_CP.about(geometry.X_CP.R @ surface.X_PS.p)
+
+
+def _focal_px(projection: Projection) -> float:
+    """Pixels a radian on the optical axis."""
+    middle, aside = projection.project(np.array([[0.0, 0.0, 1.0], [1e-3, 0.0, 1.0]]))
+    return float(np.hypot(*(aside - middle))) * 1e3
 
 
 def _vignette(spec: CameraSpec) -> Image | None:

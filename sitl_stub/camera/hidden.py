@@ -20,6 +20,8 @@ _MARGIN = 1.05
 """Between the corners of a tile a curved edge may bulge; this is more than it does."""
 
 _LOW_RAY = 0.05
+_WORTH_IT = 0.3
+"""Each box costs a little; a small deck is better painted over."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,6 +43,8 @@ class HiddenByDeck:
         away = np.abs(camera_P[:2] + rays_P[..., :2] * reach - self.pad.deck_center_m) * _MARGIN
         inside = (away < (self.pad.length_m / 2.0, self.pad.width_m / 2.0)).all(axis=-1) & (rays_P[..., 2] > _LOW_RAY)
         hidden = inside[:-1, :-1] & inside[1:, :-1] & inside[:-1, 1:] & inside[1:, 1:]
+        if hidden.mean() < _WORTH_IT:
+            return [(0, 0, self.width_px, self.height_px)]
         return self._open(hidden.tolist())
 
     def _open(self, hidden: list[list[bool]]) -> list[Box]:

@@ -125,11 +125,13 @@ def _shift(x: float, y: float) -> Floats:
 def texels_per_px(M: Floats, x: float, y: float) -> float:
     """Texels of level 0 that a pixel spans: the geometric mean of both directions, but not much less than the longer
     one. Infinity where the pixel does not see the plane."""
-    q = M @ (x, y, 1.0)
-    if not q[2] > 0.0:
+    (m00, m01, m02), (m10, m11, m12), (m20, m21, m22) = M.tolist()
+    depth = m20 * x + m21 * y + m22
+    if not depth > 0.0:
         return math.inf
-    jacobian = (M[:2, :2] - np.outer(q[:2] / q[2], M[2, :2])) / q[2]
-    a, b, c, d = jacobian.ravel().tolist()
+    right, down = (m00 * x + m01 * y + m02) / depth, (m10 * x + m11 * y + m12) / depth
+    a, b = (m00 - right * m20) / depth, (m01 - right * m21) / depth
+    c, d = (m10 - down * m20) / depth, (m11 - down * m21) / depth
     area = abs(a * d - b * c)
     square = a * a + b * b + c * c + d * d
     longest = math.sqrt((square + math.sqrt(max(0.0, square * square - 4.0 * area * area))) / 2.0)

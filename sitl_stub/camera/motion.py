@@ -21,6 +21,8 @@ _LONGEST_BLUR_PX = 41.0
 _UNIFORM_PX = 1.0
 _CELL_PX = 160
 _KERNEL_STEPS = 4
+_WIDE_TURN = 2.0
+_WIDE_DRIFT = 1.7
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,9 +64,13 @@ def moved(X_CS: Pose, twist: Twist, time_s: Floats) -> tuple[Floats, Floats]:
     return turned @ X_CS.R, X_CS.p + time_s[:, None] * twist.velocity_C
 
 
-def blur_plane(canvas: Image, box: Box, projection: Projection, X_CS: Pose, twist: Twist, exposure_s: float) -> None:
+def blur_plane(
+    canvas: Image, box: Box, projection: Projection, X_CS: Pose, twist: Twist, exposure_s: float, focal_px: float
+) -> None:
     """Smear a region that shows the plane z = 0 of S along its motion in the image during the exposure, in place. One kernel
     where the motion hardly varies over the region, one for each cell of 160 px where it does."""
+    if _longest_path(X_CS, twist, focal_px) * exposure_s < _SHARP_PX:
+        return
     x0, y0, x1, y1 = box
     paths = paths_px(projection, _grid_points(x0, y0, x1 - 1, y1 - 1), X_CS, twist, exposure_s)
     if np.hypot(*paths.T).max() < _SHARP_PX:
@@ -83,6 +89,14 @@ def blur_plane(canvas: Image, box: Box, projection: Projection, X_CS: Pose, twis
         cells, paths_px(projection, middles, X_CS, twist, exposure_s), strict=True
     ):
         canvas[top:bottom, left:right] = _smeared(sharp, (left, top, right, bottom), path)
+
+
+def _longest_path(X_CS: Pose, twist: Twist, focal_px: float) -> float:
+    """An upper bound, px/s, of motion in the image over a wide view of the plane (rays to 60 degrees from the axis)."""
+    distance = abs(float(X_CS.R[:, 2] @ X_CS.p))
+    at_camera = twist.velocity_C - skew(twist.angular_velocity_C) @ X_CS.p
+    turn, drift = (math.sqrt(float(v @ v)) for v in (twist.angular_velocity_C, at_camera))
+    return focal_px * (_WIDE_TURN * turn + _WIDE_DRIFT * drift / max(distance, 1e-3))
 
 
 def paths_px(projection: Projection, pixels: Floats, X_CS: Pose, twist: Twist, exposure_s: float) -> Floats:
