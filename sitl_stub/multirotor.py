@@ -13,6 +13,7 @@ from math import sqrt
 from typing import NamedTuple
 
 from sitl_stub.airframe import Airframe
+from sitl_stub.compiled import used_by_kernels
 from sitl_stub.rotation import Quaternion, Vec3, from_rotation_vector, multiply
 
 GRAVITY_M_S2 = 9.80665
@@ -112,6 +113,7 @@ def body_of(airframe: Airframe) -> Body:
     )
 
 
+@used_by_kernels
 def advance(
     s: BodyState, body: Body, command: Motors, health: Motors, loads: Loads, dt: float
 ) -> tuple[BodyState, Vec3]:

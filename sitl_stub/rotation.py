@@ -8,12 +8,15 @@ from __future__ import annotations
 
 from math import asin, atan2, copysign, cos, pi, sin, sqrt
 
+from sitl_stub.compiled import used_by_kernels
+
 Vec3 = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 
 IDENTITY: Quaternion = (1.0, 0.0, 0.0, 0.0)
 
 
+@used_by_kernels
 def multiply(a: Quaternion, b: Quaternion) -> Quaternion:
     """a then, in the frame that a made, b."""
     aw, ax, ay, az = a
@@ -31,6 +34,7 @@ def inverse(q: Quaternion) -> Quaternion:
     return (q[0], -q[1], -q[2], -q[3])
 
 
+@used_by_kernels
 def normalise(q: Quaternion) -> Quaternion:
     """Unit length, w >= 0. A zero quaternion raises ZeroDivisionError."""
     w, x, y, z = q
@@ -57,6 +61,7 @@ def z_axis(q: Quaternion) -> Vec3:
     return (2.0 * (x * z + w * y), 2.0 * (y * z - w * x), w * w - x * x - y * y + z * z)
 
 
+@used_by_kernels
 def from_rotation_vector(x_rad: float, y_rad: float, z_rad: float) -> Quaternion:
     """Turn by the vector's length about its direction."""
     angle = sqrt(x_rad * x_rad + y_rad * y_rad + z_rad * z_rad)
@@ -86,6 +91,7 @@ def roll_pitch_yaw(q: Quaternion) -> Vec3:
     return (atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y)), asin(sine), yaw_of(q))
 
 
+@used_by_kernels
 def yaw_of(q: Quaternion) -> float:
     """Heading, 0 north, clockwise from above."""
     w, x, y, z = q

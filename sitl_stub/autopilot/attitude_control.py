@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from math import atan2, cos, radians, sin, sqrt
 from typing import NamedTuple
 
+from sitl_stub.compiled import used_by_kernels
 from sitl_stub.rotation import Quaternion, Vec3, multiply
 
 
@@ -40,6 +41,7 @@ def attitude_gains(parameters: Mapping[str, float | int]) -> AttitudeGains:
     )
 
 
+@used_by_kernels
 def _error(q: Quaternion, qd: Quaternion, weight: float) -> Quaternion:
     """Turn in B from q to a desired attitude with full tilt and a part of the turn about B z.
 
@@ -59,6 +61,7 @@ def _error(q: Quaternion, qd: Quaternion, weight: float) -> Quaternion:
     return cosine * c, tx * c + ty * s, ty * c - tx * s, cosine * s
 
 
+@used_by_kernels
 def control_attitude(q: Quaternion, qd: Quaternion, yaw_rate: float, gains: AttitudeGains) -> Vec3:
     """Body rates that take the vehicle from q towards qd, limited by MC_*RATE_MAX."""
     _, ex, ey, ez = _error(q, qd, gains.yaw_weight)

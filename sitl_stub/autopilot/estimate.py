@@ -13,17 +13,21 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import cos, pi, radians, sin, sqrt
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
-from sitl_stub.autopilot.low_pass import Butterworth, butterworth, filter_sample, settled
+from sitl_stub.autopilot.low_pass import Butterworth, butterworth, settled
 from sitl_stub.autopilot.noise import NormalTape
 from sitl_stub.autopilot.vehicle_estimate import VehicleEstimate
-from sitl_stub.multirotor import VehicleTruth
-from sitl_stub.rotation import Quaternion, Vec3, from_rotation_vector, multiply, normalise, wrap, yaw_of
+from sitl_stub.compiled import COMPILED, compiled, room, used_by_kernels
+from sitl_stub.multirotor import BodyState, VehicleTruth
+from sitl_stub.rotation import Vec3, from_rotation_vector, multiply, normalise, wrap, yaw_of
 
 _SAMPLE_HZ = 250.0
 _ERROR_PERIOD_US = 8_000
+_ERROR_DUE_US = _ERROR_PERIOD_US - 0.5
+_NO_MOTORS = (0.0, 0.0, 0.0, 0.0)
 _SLOW_PERIOD_S = 0.031
 
 
@@ -54,31 +58,31 @@ class Wander:
     `rate` is the walk's growth per square root of a second.
     """
 
-    __slots__ = ("_noise", "_rate", "_time_s", "value")
+    __slots__ = ("_noise", "rate", "time_s", "value")
 
     def __init__(self, rate: float, time_s: float, noise: NormalTape) -> None:
-        self._rate, self._time_s, self._noise = rate, time_s, noise
+        self.rate, self.time_s, self._noise = rate, time_s, noise
         self.value = rate * sqrt(0.5 * time_s) * noise.next()
 
     def step(self, dt_s: float) -> None:
-        self.value += -dt_s / self._time_s * self.value + self._rate * sqrt(dt_s) * self._noise.next()
+        self.value += -dt_s / self.time_s * self.value + self.rate * sqrt(dt_s) * self._noise.next()
 
 
 class SlowError:
     """A stationary process of given sigma and correlation time, smoothed so that its derivative stays small."""
 
-    __slots__ = ("_noise", "_raw", "_sigma", "_smooth_s", "_time_s", "value")
+    __slots__ = ("_noise", "raw", "sigma", "smooth_s", "time_s", "value")
 
     def __init__(self, sigma: float, time_s: float, noise: NormalTape, smooth_s: float = 1.0) -> None:
-        self._sigma = sigma * sqrt(1.0 + smooth_s / time_s)
-        self._time_s, self._smooth_s, self._noise = time_s, smooth_s, noise
-        self._raw = self._sigma * noise.next()
-        self.value = self._raw * time_s / (time_s + smooth_s)
+        self.sigma = sigma * sqrt(1.0 + smooth_s / time_s)
+        self.time_s, self.smooth_s, self._noise = time_s, smooth_s, noise
+        self.raw = self.sigma * noise.next()
+        self.value = self.raw * time_s / (time_s + smooth_s)
 
     def step(self, dt_s: float) -> None:
-        share = dt_s / self._time_s
-        self._raw += -share * self._raw + self._sigma * sqrt(2.0 * share) * self._noise.next()
-        self.value += dt_s / self._smooth_s * (self._raw - self.value)
+        share = dt_s / self.time_s
+        self.raw += -share * self.raw + self.sigma * sqrt(2.0 * share) * self._noise.next()
+        self.value += dt_s / self.smooth_s * (self.raw - self.value)
 
 
 # Measured on the recorded flights (velocity error, attitude error and their growth over 0.05 to 8 s; facts 22 to 24).
@@ -99,6 +103,173 @@ _STANDING_PART = 0.1
 _ACCELERATION_NOISE_PART = 0.6
 
 
+# Places in the estimator's flat state.
+_WALK = 0  # velocity forward, right, down; roll, pitch
+_RAW = 5  # slow errors: velocity north, east, down; roll, pitch; yaw; height of the ground
+_SLOW = 12
+_VELOCITY_ERROR = 19
+_POSITION_ERROR = 22
+_RECKONING = 25
+_HEIGHT_ERROR_RATE = 27
+_ACCELERATION_NOISE = 28
+_ATTITUDE_ERROR = 31
+_GYRO = 35
+_OFFSET = 41
+_VELOCITY_OFFSET = 44
+_YAW_OFFSET = 47
+_SINCE_ERROR_US = 48
+_SINCE_SLOW_S = 49
+POSITION, VELOCITY, ACCELERATION, HEIGHT_RATE, ATTITUDE, RATES, RATES_DOT, YAW = 50, 53, 56, 59, 60, 64, 67, 70
+SIZE = 71
+MOST_NUMBERS_A_STEP = 20
+"""More random numbers than a step can draw."""
+
+Three = tuple[float, float, float]
+Five = tuple[float, float, float, float, float]
+Seven = tuple[float, float, float, float, float, float, float]
+
+
+class ErrorModel(NamedTuple):
+    """Constants of `step_estimate`: what drives each error, and the gyro's filters."""
+
+    walk_pull_s: Five
+    walk_rate: Five
+    slow_sigma: Seven
+    slow_time_s: Seven
+    slow_smooth_s: Seven
+    reckoning_drift: float
+    acceleration_noise: Three
+    gyro_noise: Three
+    gyro_filter: Butterworth
+    derivative_time_s: float
+
+
+@used_by_kernels
+def _step_walks(e: Any, m: ErrorModel, tape: Any, at: int, dt_s: float) -> int:
+    root = sqrt(dt_s)
+    t0, t1, t2, t3, t4 = m.walk_pull_s
+    r0, r1, r2, r3, r4 = m.walk_rate
+    e[0] += -dt_s / t0 * e[0] + r0 * root * tape[at]
+    e[1] += -dt_s / t1 * e[1] + r1 * root * tape[at + 1]
+    e[2] += -dt_s / t2 * e[2] + r2 * root * tape[at + 2]
+    e[3] += -dt_s / t3 * e[3] + r3 * root * tape[at + 3]
+    e[4] += -dt_s / t4 * e[4] + r4 * root * tape[at + 4]
+    e[_SINCE_SLOW_S] += dt_s
+    if e[_SINCE_SLOW_S] < _SLOW_PERIOD_S:
+        return at + 5
+    slow_s = e[_SINCE_SLOW_S]
+    e[_SINCE_SLOW_S] = 0.0
+    for i in range(7):
+        share = slow_s / m.slow_time_s[i]
+        raw = e[_RAW + i]
+        raw += -share * raw + m.slow_sigma[i] * sqrt(2.0 * share) * tape[at + 5 + i]
+        e[_RAW + i] = raw
+        e[_SLOW + i] += slow_s / m.slow_smooth_s[i] * (raw - e[_SLOW + i])
+    return at + 12
+
+
+@used_by_kernels
+def _reckon(e: Any, m: ErrorModel, tape: Any, at: int, dt_s: float, aided: bool) -> int:
+    """Velocity error that grows without GNSS as a random walk, and goes back quickly with it."""
+    if aided:
+        e[_RECKONING], e[_RECKONING + 1] = e[_RECKONING] * (1.0 - dt_s), e[_RECKONING + 1] * (1.0 - dt_s)
+        return at
+    step = m.reckoning_drift * sqrt(dt_s)
+    e[_RECKONING] += step * tape[at]
+    e[_RECKONING + 1] += step * tape[at + 1]
+    return at + 2
+
+
+@used_by_kernels
+def _drift(e: Any, dt_s: float, aided: bool) -> None:
+    """Position error follows the velocity error; GNSS and barometer pull it back."""
+    x, y, z = e[_POSITION_ERROR], e[_POSITION_ERROR + 1], e[_POSITION_ERROR + 2]
+    vx, vy, vz = e[_VELOCITY_ERROR], e[_VELOCITY_ERROR + 1], e[_VELOCITY_ERROR + 2]
+    pull_x, pull_y, pull_z = _POSITION_PULL_S
+    rate = vz - z / pull_z
+    e[_HEIGHT_ERROR_RATE] = rate
+    if aided:
+        vx, vy = vx - x / pull_x, vy - y / pull_y
+    e[_POSITION_ERROR], e[_POSITION_ERROR + 1], e[_POSITION_ERROR + 2] = x + vx * dt_s, y + vy * dt_s, z + rate * dt_s
+
+
+@used_by_kernels
+def _step_errors(
+    e: Any, m: ErrorModel, tape: Any, at: int, yaw_rad: float, dt_s: float, aided: bool, standing: bool
+) -> int:
+    at = _step_walks(e, m, tape, at, dt_s)
+    at = _reckon(e, m, tape, at, dt_s, aided)
+    # Body-axis walks turned by the heading, slow errors and dead reckoning in W.
+    c, s = cos(yaw_rad), sin(yaw_rad)
+    forward, right = e[0], e[1]
+    part = _STANDING_PART if standing else 1.0
+    e[_VELOCITY_ERROR] = part * (c * forward - s * right + e[_SLOW] + e[_RECKONING])
+    e[_VELOCITY_ERROR + 1] = part * (s * forward + c * right + e[_SLOW + 1] + e[_RECKONING + 1])
+    e[_VELOCITY_ERROR + 2] = part * (e[2] + e[_SLOW + 2])
+    _drift(e, dt_s, aided)
+    nx, ny, nz = m.acceleration_noise
+    if nx > 0.0:
+        e[_ACCELERATION_NOISE], e[_ACCELERATION_NOISE + 1] = nx * tape[at], ny * tape[at + 1]
+        e[_ACCELERATION_NOISE + 2] = nz * tape[at + 2]
+        at += 3
+    # Roll and pitch errors turn in B, the yaw error about down in W; small angles.
+    roll, pitch = e[3] + e[_SLOW + 3], e[4] + e[_SLOW + 4]
+    w, x, y, z = from_rotation_vector(c * roll - s * pitch, s * roll + c * pitch, e[_SLOW + 5] + e[_YAW_OFFSET])
+    e[_ATTITUDE_ERROR], e[_ATTITUDE_ERROR + 1], e[_ATTITUDE_ERROR + 2], e[_ATTITUDE_ERROR + 3] = w, x, y, z
+    return at
+
+
+@used_by_kernels
+def _step_rates(e: Any, m: ErrorModel, tape: Any, at: int, p: float, q: float, r: float, dt_s: float) -> int:
+    """Gyro noise, PX4's low pass, and the filtered derivative."""
+    nx, ny, nz = m.gyro_noise
+    if nx > 0.0:
+        p, q, r = p + nx * tape[at], q + ny * tape[at + 1], r + nz * tape[at + 2]
+        at += 3
+    b0, b1, b2, a1, a2 = m.gyro_filter
+    p1, p2, q1, q2, r1, r2 = e[35], e[36], e[37], e[38], e[39], e[40]
+    p0, q0, r0 = p - a1 * p1 - a2 * p2, q - a1 * q1 - a2 * q2, r - a1 * r1 - a2 * r2
+    e[35], e[36], e[37], e[38], e[39], e[40] = p0, p1, q0, q1, r0, r1
+    p, q, r = b0 * p0 + b1 * p1 + b2 * p2, b0 * q0 + b1 * q1 + b2 * q2, b0 * r0 + b1 * r1 + b2 * r2
+    keep = m.derivative_time_s / (dt_s + m.derivative_time_s)
+    share = (1.0 - keep) / dt_s
+    e[67] = keep * e[67] + share * (p - e[64])
+    e[68] = keep * e[68] + share * (q - e[65])
+    e[69] = keep * e[69] + share * (r - e[66])
+    e[64], e[65], e[66] = p, q, r
+    return at
+
+
+@compiled
+def step_estimate(
+    e: Any,
+    m: ErrorModel,
+    tape: Any,
+    at: int,
+    state: BodyState,
+    acceleration: Vec3,
+    dt_s: float,
+    aided: bool,
+    standing: bool,
+) -> int:
+    """Advance errors and estimate, both in the flat state `e`, from truth; gives the place on the tape after the numbers drawn."""
+    x, y, z, vx, vy, vz, qw, qx, qy, qz, p, q, r, _, _, _, _ = state
+    e[_SINCE_ERROR_US] += dt_s * 1e6
+    if e[_SINCE_ERROR_US] >= _ERROR_DUE_US:
+        yaw_rad = yaw_of((qw, qx, qy, qz))
+        at = _step_errors(e, m, tape, at, yaw_rad, e[_SINCE_ERROR_US] * 1e-6, aided, standing)
+        e[_SINCE_ERROR_US] = 0.0
+    ax, ay, az = acceleration
+    e[50], e[51], e[52] = x + e[22] + e[41], y + e[23] + e[42], z + e[24] + e[18] + e[43]
+    e[53], e[54], e[55] = vx + e[19] + e[44], vy + e[20] + e[45], vz + e[21] + e[46]
+    e[56], e[57], e[58] = ax + e[28], ay + e[29], az + e[30]
+    e[59] = vz + e[27]
+    attitude = normalise(multiply((e[31], e[32], e[33], e[34]), (qw, qx, qy, qz)))
+    e[60], e[61], e[62], e[63] = attitude
+    e[70] = yaw_of(attitude)
+    return _step_rates(e, m, tape, at, p, q, r, dt_s)
+
+
 class Estimator:
     """Fills one `VehicleEstimate` from truth. `gnss_available` False is a GNSS loss."""
 
@@ -110,177 +281,126 @@ class Estimator:
     ) -> None:
         self.estimate = VehicleEstimate()
         self.gnss_available = True
+        self.tape = NormalTape(rng)
         self._errors = errors
         self._parameters = parameters
-        self._noise = NormalTape(rng)
-        self._start_errors(errors, self._noise)
-        self._offset: Vec3 = (0.0, 0.0, 0.0)
-        self._velocity_offset: Vec3 = (0.0, 0.0, 0.0)
-        self._yaw_offset = 0.0
         self._without_gnss_us = 0
-        self._since_error_us = _ERROR_PERIOD_US
-        self._since_slow_s = 0.0
+        self._start_errors(errors, self.tape)
         self.refresh()
-        self._gyro = [[0.0, 0.0], [0.0, 0.0], [0.0, 0.0]]
-        self._gyro_last: Vec3 = (0.0, 0.0, 0.0)
 
-    def _start_errors(self, errors: EstimateErrors, noise: NormalTape) -> None:
+    def _start_errors(self, errors: EstimateErrors, tape: NormalTape) -> None:
         scale, root = errors.position, sqrt(_SENSOR_STEP_S)
-        self._velocity_walk = [Wander(scale * sigma * root, _VELOCITY_PULL_S, noise) for sigma in _ACCEL_NOISE_M_S2]
-        self._slow_velocity = [
-            SlowError(scale * sigma, _SLOW_VELOCITY_TIME_S, noise) for sigma in _SLOW_VELOCITY_SIGMA_M_S
-        ]
-        self._tilt_walk = [Wander(errors.tilt * sigma * root, _TILT_PULL_S, noise) for sigma in _GYRO_NOISE_RAD_S[:2]]
-        self._slow_tilt = [SlowError(errors.tilt * _SLOW_TILT_SIGMA_RAD, _SLOW_TILT_TIME_S, noise) for _ in range(2)]
-        self._yaw = SlowError(errors.yaw * _YAW_SIGMA_RAD, _YAW_TIME_S, noise)
-        self._ground = SlowError(errors.ground_height * _GROUND_HEIGHT_SIGMA_M, _GROUND_HEIGHT_TIME_S, noise, 5.0)
-        self._walks = (*self._velocity_walk, *self._tilt_walk)
-        self._slow = (*self._slow_velocity, *self._slow_tilt, self._yaw, self._ground)
-        self._velocity_error: Vec3 = (0.0, 0.0, 0.0)
-        self._position_error: Vec3 = (0.0, 0.0, 0.0)
-        self._reckoning = (0.0, 0.0)
-        self._height_error_rate = 0.0
-        self._acceleration_noise: Vec3 = (0.0, 0.0, 0.0)
-        self._attitude_error: Quaternion = (1.0, 0.0, 0.0, 0.0)
+        walks = [Wander(scale * sigma * root, _VELOCITY_PULL_S, tape) for sigma in _ACCEL_NOISE_M_S2]
+        slow = [SlowError(scale * sigma, _SLOW_VELOCITY_TIME_S, tape) for sigma in _SLOW_VELOCITY_SIGMA_M_S]
+        walks += [Wander(errors.tilt * sigma * root, _TILT_PULL_S, tape) for sigma in _GYRO_NOISE_RAD_S[:2]]
+        slow += [SlowError(errors.tilt * _SLOW_TILT_SIGMA_RAD, _SLOW_TILT_TIME_S, tape) for _ in range(2)]
+        slow.append(SlowError(errors.yaw * _YAW_SIGMA_RAD, _YAW_TIME_S, tape))
+        slow.append(SlowError(errors.ground_height * _GROUND_HEIGHT_SIGMA_M, _GROUND_HEIGHT_TIME_S, tape, 5.0))
+        self._walks, self._slow = walks, slow
+        values = [0.0] * SIZE
+        values[_WALK:_RAW] = [walk.value for walk in walks]
+        values[_RAW:_SLOW] = [error.raw for error in slow]
+        values[_SLOW:_VELOCITY_ERROR] = [error.value for error in slow]
+        values[_ATTITUDE_ERROR] = values[ATTITUDE] = 1.0
+        values[_SINCE_ERROR_US] = float(_ERROR_PERIOD_US)
+        self.flat: Any = room(values)
 
     def refresh(self) -> None:
         """Read the filter parameters again."""
-        self._gyro_filter: Butterworth = butterworth(float(self._parameters["IMU_GYRO_CUTOFF"]), _SAMPLE_HZ)
-        cutoff_hz = float(self._parameters["IMU_DGYRO_CUTOFF"])
-        self._derivative_time_s = 1.0 / (2.0 * pi * cutoff_hz) if cutoff_hz > 0.0 else 0.0
+        errors, cutoff_hz = self._errors, float(self._parameters["IMU_DGYRO_CUTOFF"])
+        walks, slow = self._walks, self._slow
+        accelerometer = errors.position * _ACCELERATION_NOISE_PART
+        x, y, z = (accelerometer * sigma for sigma in _ACCEL_NOISE_M_S2)
+        p, q, r = (errors.gyro_noise * sigma for sigma in _GYRO_NOISE_RAD_S)
+        self.model = ErrorModel(
+            cast(Five, tuple(walk.time_s for walk in walks)),
+            cast(Five, tuple(walk.rate for walk in walks)),
+            cast(Seven, tuple(error.sigma for error in slow)),
+            cast(Seven, tuple(error.time_s for error in slow)),
+            cast(Seven, tuple(error.smooth_s for error in slow)),
+            errors.position * _DEAD_RECKONING_DRIFT_M_S2,
+            (x, y, z),
+            (p, q, r),
+            butterworth(float(self._parameters["IMU_GYRO_CUTOFF"]), _SAMPLE_HZ),
+            1.0 / (2.0 * pi * cutoff_hz) if cutoff_hz > 0.0 else 0.0,
+        )
 
     def settle(self, truth: VehicleTruth) -> None:
         """Start the filters as if the vehicle had been turning like this for long (starts in the air)."""
-        self._gyro = [[settled(self._gyro_filter, rate)] * 2 for rate in truth.angular_velocity_frd_rad_s]
-        self._gyro_last = truth.angular_velocity_frd_rad_s
+        for axis, rate in enumerate(truth.angular_velocity_frd_rad_s):
+            self.flat[_GYRO + 2 * axis] = self.flat[_GYRO + 2 * axis + 1] = settled(self.model.gyro_filter, rate)
+            self.flat[RATES + axis] = rate
+            self.flat[RATES_DOT + axis] = 0.0
         self.estimate.angular_acceleration_frd_rad_s2 = (0.0, 0.0, 0.0)
 
     def step(self, t_us: int, truth: VehicleTruth, range_m: float | None, dt_s: float) -> VehicleEstimate:
         """Advance the errors by dt_s and return the estimate (the same object each time)."""
-        self._since_error_us += round(dt_s * 1e6)
-        if self._since_error_us >= _ERROR_PERIOD_US:
-            self._step_errors(self._since_error_us * 1e-6, truth)
-            self._since_error_us = 0
+        self._watch_gnss(dt_s)
+        tape = self.tape
+        tape.reserve(MOST_NUMBERS_A_STEP)
+        state = BodyState(
+            *truth.position_ned_m,
+            *truth.velocity_ned_m_s,
+            *truth.q_ned_frd,
+            *truth.angular_velocity_frd_rad_s,
+            *_NO_MOTORS,
+        )
+        tape.at = step_estimate(
+            self.flat,
+            self.model,
+            tape.numbers,
+            tape.at,
+            state,
+            truth.acceleration_ned_m_s2,
+            dt_s,
+            self.gnss_available,
+            truth.on_surface,
+        )
+        self.estimate.height_above_bottom_m = range_m
+        return self.show(t_us, self.flat)
+
+    def show(self, t_us: int, flat: Any) -> VehicleEstimate:
+        """Copy a flat state into the estimate that everybody reads."""
         e = self.estimate
+        values = flat.tolist() if COMPILED else flat
         e.t_us = t_us
-        self._put_motion(e, truth)
-        self._put_attitude(e, truth)
-        self._put_rates(e, truth, dt_s)
-        e.height_above_bottom_m = range_m
+        e.position_ned_m = (values[50], values[51], values[52])
+        e.velocity_ned_m_s = (values[53], values[54], values[55])
+        e.acceleration_ned_m_s2 = (values[56], values[57], values[58])
+        e.height_rate_ned_m_s = values[59]
+        e.q_ned_frd = (values[60], values[61], values[62], values[63])
+        e.angular_velocity_frd_rad_s = (values[64], values[65], values[66])
+        e.angular_acceleration_frd_rad_s2 = (values[67], values[68], values[69])
+        e.yaw_rad = values[70]
         return e
 
-    def _step_errors(self, dt_s: float, truth: VehicleTruth) -> None:
-        aided = self.gnss_available
-        self._without_gnss_us = 0 if aided else self._without_gnss_us + round(dt_s * 1e6)
+    def _watch_gnss(self, dt_s: float) -> None:
+        """PX4 says that it reckons dead a second after the last aiding."""
+        self._without_gnss_us = 0 if self.gnss_available else self._without_gnss_us + round(dt_s * 1e6)
         self.estimate.is_dead_reckoning = self._without_gnss_us > _DEAD_RECKONING_AFTER_US
-        for walk in self._walks:
-            walk.step(dt_s)
-        self._since_slow_s += dt_s
-        if self._since_slow_s >= _SLOW_PERIOD_S:
-            for slow in self._slow:
-                slow.step(self._since_slow_s)
-            self._since_slow_s = 0.0
-        self._reckon(dt_s)
-        yaw_rad = yaw_of(truth.q_ned_frd)
-        self._velocity_error = self._velocity_errors(cos(yaw_rad), sin(yaw_rad), truth.on_surface)
-        self._drift(dt_s, aided)
-        scale = self._errors.position * _ACCELERATION_NOISE_PART
-        if scale > 0.0:
-            next_number = self._noise.next
-            x, y, z = (scale * sigma * next_number() for sigma in _ACCEL_NOISE_M_S2)
-            self._acceleration_noise = (x, y, z)
-        # Roll and pitch errors turn in B, the yaw error about down in W; small angles.
-        roll, pitch = (walk.value + slow.value for walk, slow in zip(self._tilt_walk, self._slow_tilt, strict=True))
-        c, s = cos(yaw_rad), sin(yaw_rad)
-        self._attitude_error = from_rotation_vector(
-            c * roll - s * pitch, s * roll + c * pitch, self._yaw.value + self._yaw_offset
-        )
-
-    def _velocity_errors(self, c: float, s: float, standing: bool) -> Vec3:
-        """Body-axis walks turned by the heading, slow errors and dead reckoning in W."""
-        forward, right, down = self._velocity_walk
-        north, east, slow_down = self._slow_velocity
-        part = _STANDING_PART if standing else 1.0
-        x = c * forward.value - s * right.value + north.value + self._reckoning[0]
-        y = s * forward.value + c * right.value + east.value + self._reckoning[1]
-        return (part * x, part * y, part * (down.value + slow_down.value))
-
-    def _drift(self, dt_s: float, aided: bool) -> None:
-        """Position error follows the velocity error; GNSS and barometer pull it back."""
-        (x, y, z), (vx, vy, vz) = self._position_error, self._velocity_error
-        pull_x, pull_y, pull_z = _POSITION_PULL_S
-        self._height_error_rate = vz - z / pull_z
-        if aided:
-            vx, vy = vx - x / pull_x, vy - y / pull_y
-        self._position_error = (x + vx * dt_s, y + vy * dt_s, z + self._height_error_rate * dt_s)
-
-    def _reckon(self, dt_s: float) -> None:
-        """Velocity error that grows without GNSS as a random walk, and goes back quickly with it."""
-        x, y = self._reckoning
-        if self.gnss_available:
-            self._reckoning = (x * (1.0 - dt_s), y * (1.0 - dt_s))
-            return
-        step = self._errors.position * _DEAD_RECKONING_DRIFT_M_S2 * sqrt(dt_s)
-        self._reckoning = (x + step * self._noise.next(), y + step * self._noise.next())
-
-    def _put_motion(self, e: VehicleEstimate, truth: VehicleTruth) -> None:
-        (x, y, z), (vx, vy, vz) = truth.position_ned_m, truth.velocity_ned_m_s
-        (dx, dy, dz), (ex, ey, ez) = self._position_error, self._velocity_error
-        (ox, oy, oz), (ux, uy, uz) = self._offset, self._velocity_offset
-        (ax, ay, az), (nx, ny, nz) = truth.acceleration_ned_m_s2, self._acceleration_noise
-        e.position_ned_m = (x + dx + ox, y + dy + oy, z + dz + self._ground.value + oz)
-        e.velocity_ned_m_s = (vx + ex + ux, vy + ey + uy, vz + ez + uz)
-        e.height_rate_ned_m_s = vz + self._height_error_rate
-        e.acceleration_ned_m_s2 = (ax + nx, ay + ny, az + nz)
-
-    def _put_attitude(self, e: VehicleEstimate, truth: VehicleTruth) -> None:
-        q = normalise(multiply(self._attitude_error, truth.q_ned_frd))
-        e.q_ned_frd = q
-        e.yaw_rad = yaw_of(q)
-
-    def _put_rates(self, e: VehicleEstimate, truth: VehicleTruth, dt_s: float) -> None:
-        scale, c, noise = self._errors.gyro_noise, self._gyro_filter, self._noise
-        rates = []
-        for axis, rate in enumerate(truth.angular_velocity_frd_rad_s):
-            if scale > 0.0:
-                rate += scale * _GYRO_NOISE_RAD_S[axis] * noise.next()
-            state = self._gyro[axis]
-            y, state[0], state[1] = filter_sample(c, rate, state[0], state[1])
-            rates.append(y)
-        keep = self._derivative_time_s / (dt_s + self._derivative_time_s)
-        share = (1.0 - keep) / dt_s
-        (p, q, r), (lp, lq, lr) = rates, self._gyro_last
-        dp, dq, dr = e.angular_acceleration_frd_rad_s2
-        e.angular_acceleration_frd_rad_s2 = (
-            keep * dp + share * (p - lp),
-            keep * dq + share * (q - lq),
-            keep * dr + share * (r - lr),
-        )
-        e.angular_velocity_frd_rad_s = self._gyro_last = (p, q, r)
 
     def jump_position(self, north_m: float, east_m: float) -> None:
         """The estimator resets its horizontal position by this much (a fault, or GNSS coming back)."""
-        x, y, z = self._offset
-        self._offset = (x + north_m, y + east_m, z)
+        self.flat[_OFFSET] += north_m
+        self.flat[_OFFSET + 1] += east_m
         self.estimate.position_xy_resets += 1
         self.estimate.position_xy_jump_m = (north_m, east_m)
 
     def jump_height(self, down_m: float) -> None:
         """The estimator resets its height by this much."""
-        x, y, z = self._offset
-        self._offset = (x, y, z + down_m)
+        self.flat[_OFFSET + 2] += down_m
         self.estimate.position_z_resets += 1
         self.estimate.position_z_jump_m = down_m
 
     def jump_velocity(self, north_m_s: float, east_m_s: float) -> None:
         """The estimator resets its horizontal velocity by this much."""
-        x, y, z = self._velocity_offset
-        self._velocity_offset = (x + north_m_s, y + east_m_s, z)
+        self.flat[_VELOCITY_OFFSET] += north_m_s
+        self.flat[_VELOCITY_OFFSET + 1] += east_m_s
         self.estimate.velocity_xy_resets += 1
         self.estimate.velocity_xy_jump_m_s = (north_m_s, east_m_s)
 
     def jump_yaw(self, angle_rad: float) -> None:
         """The estimator resets its heading by this much."""
-        self._yaw_offset = wrap(self._yaw_offset + angle_rad)
+        self.flat[_YAW_OFFSET] = wrap(float(self.flat[_YAW_OFFSET]) + angle_rad)
         self.estimate.yaw_resets += 1
         self.estimate.yaw_jump_rad = angle_rad

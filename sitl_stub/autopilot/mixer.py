@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from math import sqrt
 
+from sitl_stub.compiled import used_by_kernels
 from sitl_stub.rotation import Vec3
 
 Motors = tuple[float, float, float, float]
@@ -22,6 +23,7 @@ _YAW_MARGIN = 0.15
 _EPSILON = 1e-6
 
 
+@used_by_kernels
 def _relief(column: Motors, motors: Motors, top: float) -> float:
     """How much of the column brings the motors nearest to 0..top."""
     least = most = 0.0
@@ -37,12 +39,14 @@ def _relief(column: Motors, motors: Motors, top: float) -> float:
     return least + most
 
 
+@used_by_kernels
 def _add(motors: Motors, column: Motors, gain: float) -> Motors:
     a, b, c, d = motors
     e, f, g, h = column
     return a + gain * e, b + gain * f, c + gain * g, d + gain * h
 
 
+@used_by_kernels
 def _desaturate(motors: Motors, column: Motors, top: float = 1.0, only_positive: bool = False) -> Motors:
     gain = _relief(column, motors, top)
     if only_positive and gain < 0.0:
@@ -52,6 +56,7 @@ def _desaturate(motors: Motors, column: Motors, top: float = 1.0, only_positive:
     return _add(motors, column, gain)
 
 
+@used_by_kernels
 def mix(thrust: float, torque: Vec3) -> tuple[Motors, Vec3]:
     """Motor commands 0..1 and, per axis, the sign of the torque that could not be given (0 when all was)."""
     roll, pitch, yaw = _HALF * torque[0], _HALF * torque[1], torque[2]
@@ -63,6 +68,7 @@ def mix(thrust: float, torque: Vec3) -> tuple[Motors, Vec3]:
     return _mix_saturated((m0, m1, m2, m3), torque)
 
 
+@used_by_kernels
 def _mix_saturated(motors: Motors, torque: Vec3) -> tuple[Motors, Vec3]:
     motors = _desaturate(motors, _LESS_THRUST, only_positive=True)
     motors = _desaturate(motors, _ROLL)
@@ -79,9 +85,11 @@ def _mix_saturated(motors: Motors, torque: Vec3) -> tuple[Motors, Vec3]:
     return (a, b, c, d), missing
 
 
+@used_by_kernels
 def _clip(motor: float) -> float:
     return min(max(motor, 0.0), 1.0)
 
 
+@used_by_kernels
 def _sign(missing: float) -> float:
     return 0.0 if abs(missing) < _EPSILON else 1.0 if missing > 0.0 else -1.0

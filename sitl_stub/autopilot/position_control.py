@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from math import acos, cos, hypot, inf, isfinite, nan, radians, sin, sqrt
 from typing import NamedTuple
 
+from sitl_stub.compiled import used_by_kernels
 from sitl_stub.rotation import Quaternion, Vec3
 
 GRAVITY_M_S2 = 9.80665
@@ -106,6 +107,7 @@ def is_flyable(setpoint: Motion, state: Motion) -> bool:
     return has_place and has_speed
 
 
+@used_by_kernels
 def constrain_xy(x0: float, y0: float, x1: float, y1: float, limit: float) -> tuple[float, float]:
     """Sum of two vectors with a limited length; the first one has priority, the second is shortened."""
     x, y = x0 + x1, y0 + y1
@@ -123,6 +125,7 @@ def constrain_xy(x0: float, y0: float, x1: float, y1: float, limit: float) -> tu
     return x0 + ux * reach, y0 + uy * reach
 
 
+@used_by_kernels
 def _velocity_demand(sp: Motion, at: Motion, gains: PositionGains, limits: PositionLimits) -> Vec3:
     """Position P plus feed-forward, limited; the part from position has priority in xy."""
     px, py, pz = gains.position_xy * (sp.x - at.x), gains.position_xy * (sp.y - at.y), gains.position_z * (sp.z - at.z)
@@ -140,6 +143,7 @@ def _velocity_demand(sp: Motion, at: Motion, gains: PositionGains, limits: Posit
     return vx, vy, vz
 
 
+@used_by_kernels
 def _thrust_direction(ax: float, ay: float, az: float, decoupled: bool, tilt_max: float) -> Vec3:
     """Unit vector of B z asked for: against the acceleration, tilted no more than the limit."""
     bx, by, bz = -ax, -ay, GRAVITY_M_S2 if decoupled else GRAVITY_M_S2 - az
@@ -157,6 +161,7 @@ def _thrust_direction(ax: float, ay: float, az: float, decoupled: bool, tilt_max
     return bx, by, bz
 
 
+@used_by_kernels
 def control_position(
     sp: Motion,
     at: Motion,
@@ -211,6 +216,7 @@ def control_position(
     return PositionDemand(vx, vy, vz, ax, ay, az, tx, ty, tz, ix, iy, iz)
 
 
+@used_by_kernels
 def attitude_from_thrust(tx: float, ty: float, tz: float, yaw_rad: float) -> tuple[Quaternion, float]:
     """Attitude whose -B z points along the thrust vector, nose at the yaw; and the thrust's length."""
     length = sqrt(tx * tx + ty * ty + tz * tz)
@@ -226,6 +232,7 @@ def attitude_from_thrust(tx: float, ty: float, tz: float, yaw_rad: float) -> tup
     return _quaternion(x0, y0, bx, x1, y1, by, x2, y2, bz), length
 
 
+@used_by_kernels
 def _quaternion(
     r00: float, r01: float, r02: float, r10: float, r11: float, r12: float, r20: float, r21: float, r22: float
 ) -> Quaternion:

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from math import pi, radians
 from typing import NamedTuple
 
+from sitl_stub.compiled import used_by_kernels
 from sitl_stub.rotation import Vec3
 
 _WEAKEN_RAD_S = radians(400.0)
@@ -55,6 +56,7 @@ def rate_gains(parameters: Mapping[str, float | int]) -> RateGains:
     )
 
 
+@used_by_kernels
 def _integrate(integral: float, error: float, gain: float, limit: float, saturated: float, dt: float) -> float:
     if saturated != 0.0 and error * saturated > 0.0:
         return integral
@@ -66,6 +68,7 @@ def _integrate(integral: float, error: float, gain: float, limit: float, saturat
     return limit if integral > limit else -limit if integral < -limit else integral
 
 
+@used_by_kernels
 def control_rates(
     state: RateState,
     rates: Vec3,
