@@ -12,13 +12,14 @@ import base64
 import dataclasses
 import enum
 import io
+import math
 import re
 import struct
 import types
 import typing
 import zlib
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
@@ -28,8 +29,9 @@ import msgspec
 import numpy as np
 from mcap import records as mcap_records
 from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.writer import CompressionType, Writer
+from mcap.writer import CompressionType, IndexType, Writer
 
 from companion import messages
 from companion.config import Config
@@ -51,6 +53,9 @@ MAX_CHUNK_BYTES = 64_000_000
 """A chunk that claims to be larger is damaged: nothing is allocated for it."""
 
 MAGIC = b"\x89MCAP0\r\n"
+_TAIL = 37
+"""Bytes of footer and magic at the end of a file that was closed."""
+
 _RECORD = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<HIQQ")
 _CHUNK = struct.Struct("<QQQI")
@@ -169,11 +174,20 @@ _ENCODER = msgspec.json.Encoder(enc_hook=_plain)
 
 
 class McapWriter:
-    """Appends journal entries, frames and truth. Cost: some 15 us an entry, and a chunk every half second."""
+    """Appends journal entries, frames and truth. Cost: some 15 us an entry, and a chunk every half second.
 
-    def __init__(self, path: Path, origin: LogOrigin) -> None:
+    `small` is for logs that are kept in a repository: one chunk and no index of messages, nothing to read before the end.
+    """
+
+    def __init__(self, path: Path, origin: LogOrigin, *, small: bool = False) -> None:
         self._file = path.open("wb")
-        self._writer = Writer(self._file, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
+        self._writer = Writer(
+            self._file,
+            chunk_size=MAX_CHUNK_BYTES if small else CHUNK_BYTES,
+            compression=CompressionType.ZSTD,
+            index_types=IndexType.ALL & ~IndexType.MESSAGE if small else IndexType.ALL,
+        )
+        self._flush_every_ns = math.inf if small else FLUSH_EVERY_NS
         self._shift_ns = origin.log_minus_companion_ns
         self._flushed_ns: int | None = None
         self._frame_due_ns: dict[str, int] = {}
@@ -243,7 +257,7 @@ class McapWriter:
         )
         if self._flushed_ns is None:
             self._flushed_ns = log_ns
-        if log_ns - self._flushed_ns >= FLUSH_EVERY_NS:
+        if log_ns - self._flushed_ns >= self._flush_every_ns:
             self._flushed_ns = log_ns
             self._writer.flush()  # type: ignore[no-untyped-call]
 
@@ -301,7 +315,6 @@ class McapLog:
         self.metadata: dict[str, dict[str, str]] = {}
         self.schemas: dict[str, dict[str, Any]] = {}
         self._topics: dict[int, str] = {}
-        self._encodings: dict[int, str] = {}
         self._chunks: list[bytes] = []
         self._walk(data)
         for number, topic in self.metadata.get(CHANNELS, {}).items():
@@ -313,49 +326,64 @@ class McapLog:
         return cls(path.read_bytes())
 
     def _walk(self, data: bytes) -> None:
-        """Record by record; where the chain breaks, on to the next thing that looks like a chunk."""
+        """Record by record up to the end of the data section; where the chain breaks, on to what looks like a chunk."""
+        self.damage.complete = data.endswith(MAGIC) and data[-_TAIL : -_TAIL + 1] == bytes((Opcode.FOOTER,))
         position = len(MAGIC)
         while position + _RECORD.size <= len(data):
             opcode, length = _RECORD.unpack_from(data, position)
             body = position + _RECORD.size
-            if opcode == Opcode.FOOTER:
-                self.damage.complete = True
+            if opcode == Opcode.DATA_END and length == 4:
                 return
-            known = 0 < opcode <= Opcode.DATA_END and body + length <= len(data)
-            if known and self._take(opcode, data[body : body + length]):
+            if body + length <= len(data) and self._take(opcode, data[body : body + length]):
                 position = body + length
                 continue
+            self.damage.chunks += opcode == Opcode.CHUNK
             after = _next_chunk(data, position + 1)
             self.damage.bytes += after - position
             position = after
 
     def _take(self, opcode: int, body: bytes) -> bool:
+        """False for what is no record: a length that is wrong must not swallow the chunks behind it."""
+        take = self._takers.get(opcode)
         try:
-            if opcode == Opcode.CHUNK:
-                self._take_chunk(body)
-            elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.METADATA):
-                self._take_description(opcode, body)
-            elif opcode == Opcode.MESSAGE:
-                self._chunks.append(_RECORD.pack(opcode, len(body)) + body)
-        except (ValueError, EOFError, struct.error, msgspec.DecodeError, KeyError):
-            self.damage.chunks += opcode == Opcode.CHUNK
-            return opcode == Opcode.CHUNK  # its length may still be right: the next record says so
+            return take is not None and take(opcode, body)
+        except (ValueError, McapError, struct.error, msgspec.DecodeError):
+            return False
+
+    @property
+    def _takers(self) -> dict[int, Callable[[int, bytes], bool]]:
+        return {
+            Opcode.SCHEMA: self._take_description,
+            Opcode.CHANNEL: self._take_description,
+            Opcode.METADATA: self._take_description,
+            Opcode.CHUNK: self._take_chunk,
+            Opcode.MESSAGE: self._take_message,
+            Opcode.HEADER: lambda _, body: _is_header(body),
+            Opcode.MESSAGE_INDEX: lambda _, body: len(body) == 6 + int.from_bytes(body[2:6], "little"),
+            Opcode.ATTACHMENT: lambda _, body: True,
+        }
+
+    def _take_message(self, opcode: int, body: bytes) -> bool:
+        """Of a file without chunks."""
+        self._chunks.append(_RECORD.pack(opcode, len(body)) + body)
         return True
 
-    def _take_chunk(self, body: bytes) -> None:
+    def _take_chunk(self, _: int, body: bytes) -> bool:
         _, _, size, checksum = _CHUNK.unpack_from(body)
-        name_length = int.from_bytes(body[28:32], "little")
-        compression = body[32 : 32 + name_length]
-        packed = body[32 + name_length + 8 :]
-        content = _unpacked(compression, packed, size)
+        packed_at = 40 + int.from_bytes(body[28:32], "little")
+        packed = body[packed_at:]
+        if int.from_bytes(body[packed_at - 8 : packed_at], "little") != len(packed):
+            return False
+        content = _unpacked(body[32 : packed_at - 8], packed, size)
         if len(content) != size or (checksum and zlib.crc32(content) != checksum):
-            raise ValueError("damaged chunk")
+            return False
         for opcode, inner in _records(content):
             if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-                self._take_description(opcode, inner)
+                self._take(opcode, inner)
         self._chunks.append(content)
+        return True
 
-    def _take_description(self, opcode: int, body: bytes) -> None:
+    def _take_description(self, opcode: int, body: bytes) -> bool:
         stream = ReadDataStream(io.BytesIO(body))
         if opcode == Opcode.METADATA:
             found = mcap_records.Metadata.read(stream)
@@ -363,11 +391,11 @@ class McapLog:
         elif opcode == Opcode.CHANNEL:
             channel = mcap_records.Channel.read(stream)
             self._topics[channel.id] = channel.topic
-            self._encodings[channel.id] = channel.message_encoding
         else:
             schema = mcap_records.Schema.read(stream)
             if schema.encoding == "jsonschema":
                 self.schemas[schema.name] = msgspec.json.decode(schema.data)
+        return bool(stream.count == len(body))
 
     def records(self) -> Iterator[Record]:
         """All messages in the order in which they were written."""
@@ -393,7 +421,8 @@ class McapLog:
 
     @property
     def log_minus_companion_ns(self) -> int:
-        return int(self.about.get("log_minus_companion_ns", "0"))
+        text = self.about.get("log_minus_companion_ns", "")
+        return int(text) if text.removeprefix("-").isdecimal() and len(text) < 20 else 0
 
     def config(self) -> Config:
         """The configuration that flew; msgspec.ValidationError where this version does not know it any more."""
@@ -490,6 +519,12 @@ def _fits(packed: bytes) -> bool:
     return 0 <= zstandard.frame_content_size(packed) <= MAX_CHUNK_BYTES
 
 
+def _is_header(body: bytes) -> bool:
+    profile = int.from_bytes(body[:4], "little")
+    library = int.from_bytes(body[4 + profile : 8 + profile], "little")
+    return len(body) == 8 + profile + library
+
+
 def _next_chunk(data: bytes, start: int) -> int:
     """Where the next chunk record begins; the end of the data where there is none."""
     for mark in _CHUNK_MARK.finditer(data, start):
@@ -506,9 +541,9 @@ class FrameSink(Protocol):
     def frame(self, camera: str, arrived_ns: int, t_ns: int, content: Image | bytes) -> None: ...
 
 
-def write_entries(path: Path, origin: LogOrigin, entries: Sequence[JournalEntry]) -> None:
+def write_entries(path: Path, origin: LogOrigin, entries: Sequence[JournalEntry], *, small: bool = False) -> None:
     """A whole log at once: golden logs and tests."""
-    writer = McapWriter(path, origin)
+    writer = McapWriter(path, origin, small=small)
     for entry in entries:
         writer.write(entry)
     writer.close()
