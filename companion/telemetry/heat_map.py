@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 
-CELL_WIDTH, CELL_HEIGHT, LABEL_WIDTH, TOP, BOTTOM = 92.0, 46.0, 130.0, 30.0, 40.0
+CELL_WIDTH, CELL_HEIGHT, LABEL_WIDTH, TOP, BOTTOM = 104.0, 46.0, 130.0, 30.0, 40.0
 EMPTY = "#f1f5f9"
 _LOW, _MIDDLE, _HIGH = (220, 38, 38), (250, 204, 21), (22, 163, 74)
 
