@@ -16,8 +16,6 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import Meta, Struct
 
-from companion import camera_info
-
 Positive = Annotated[float, Meta(gt=0.0)]
 NonNegative = Annotated[float, Meta(ge=0.0)]
 Fraction = Annotated[float, Meta(ge=0.0, le=1.0)]
@@ -194,14 +192,21 @@ class Control(_Section, frozen=True):
 
 
 class Mission(_Section, frozen=True):
-    """When to do what. Heights are above the pad unless a key says otherwise."""
+    """When to do what. Heights are above the pad unless a key says otherwise. `search_cone_s` is how long the search goes on
+    drifting with the pad's last known velocity, `lost_action` what follows a search that found nothing; `commit_heave_m_s`
+    and `commit_deck_tilt_deg` say which motion of the deck may be touched."""
+
+    start_wait_s: NonNegative = 5.0
 
     takeoff_height_m: Positive = 6.0
     search_height_m: Positive = 10.0
     search_radius_m: Positive = 25.0
     search_speed_m_s: Positive = 3.0
     search_spacing_m: Positive = 8.0
-    search_pattern: str = "expanding_square"
+    search_pattern: Literal["expanding_square", "spiral", "lawnmower"] = "expanding_square"
+    search_cone_s: NonNegative = 20.0
+    search_time_s: Positive = 120.0
+    lost_action: Literal["hold", "return"] = "hold"
     approach_height_m: Positive = 8.0
     follow_height_m: Positive = 5.0
     follow_radius_m: Positive = 0.5
@@ -216,6 +221,8 @@ class Mission(_Section, frozen=True):
     commit_miss_m: Positive = 0.35
     commit_relative_speed_m_s: Positive = 0.6
     commit_tilt_deg: Positive = 12.0
+    commit_heave_m_s: Positive = 0.6
+    commit_deck_tilt_deg: Positive = 8.0
     max_go_arounds: Annotated[int, Meta(ge=0)] = 4
     max_commit_s: Positive = 6.0
     blind_height_m: Positive = 0.5
@@ -229,8 +236,32 @@ class Mission(_Section, frozen=True):
     disarm: Literal["auto", "force", "never"] = "auto"
 
 
+class Zone(_Section, frozen=True):
+    """Where not to land ("no_land") or not to fly ("no_fly"): a circle (centre and radius) or a polygon. In metres north and
+    east in local NED, or in degrees (latitude, longitude), placed around the autopilot's home."""
+
+    name: str = "a zone"
+    kind: Literal["no_land", "no_fly"] = "no_land"
+    center_m: tuple[float, float] | None = None
+    center_deg: tuple[float, float] | None = None
+    radius_m: Positive | None = None
+    polygon_m: tuple[tuple[float, float], ...] = ()
+    polygon_deg: tuple[tuple[float, float], ...] = ()
+
+    def __post_init__(self) -> None:
+        centres = [centre for centre in (self.center_m, self.center_deg) if centre is not None]
+        polygons = [polygon for polygon in (self.polygon_m, self.polygon_deg) if polygon]
+        if len(centres) + len(polygons) != 1:
+            raise ValueError("a zone needs exactly one of center_m, center_deg, polygon_m, polygon_deg")
+        if bool(centres) != (self.radius_m is not None):
+            raise ValueError("a zone needs radius_m with a centre, and with nothing else")
+        if any(len(polygon) < 3 for polygon in polygons):
+            raise ValueError("a zone's polygon needs three corners or more")
+
+
 class Safety(_Section, frozen=True):
-    """Limits that end a landing attempt."""
+    """Limits that end a landing attempt. `only_the_pad_is_land`: all else is water. After `stall_hold_s` without a tick or a
+    plan the vehicle is held relative to the pad, after `stall_silence_s` nothing is sent until a person says START."""
 
     ceiling_m: Positive = 60.0
     geofence_radius_m: Positive = 500.0
@@ -238,6 +269,8 @@ class Safety(_Section, frozen=True):
     max_flight_time_s: Positive = 600.0
     stall_hold_s: Positive = 0.3
     stall_silence_s: Positive = 1.0
+    only_the_pad_is_land: bool = False
+    zones: tuple[Zone, ...] = ()
 
 
 class Mqtt(_Section, frozen=True):
@@ -336,26 +369,15 @@ def _beside(path: Path, data: dict[str, Any]) -> dict[str, Any]:
 
 def _calibrated(config: Config) -> Config:
     """Cameras with what their calibration files say."""
-    cameras = {name: _with_calibration(name, camera) for name, camera in config.cameras.items()}
+    from companion.io.camera_info import calibrated  # it needs this module
+
+    cameras = {}
+    for name, camera in config.cameras.items():
+        try:
+            cameras[name] = calibrated(camera)
+        except ConfigError as error:
+            raise ConfigError(f"[cameras.{name}] calibration_file: {error}") from error
     return msgspec.structs.replace(config, cameras=cameras)
-
-
-def _with_calibration(name: str, camera: Camera) -> Camera:
-    if camera.calibration_file is None:
-        return camera
-    where = f"[cameras.{name}] calibration_file = {camera.calibration_file!r}"
-    try:
-        info = camera_info.parse(Path(camera.calibration_file).read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ConfigError(f"{where}: cannot be read: {error.strerror}") from error
-    except ValueError as error:
-        raise ConfigError(f"{where}: {error}") from error
-    lens = {key: getattr(info, key) for key in LENS_KEYS}
-    return msgspec.structs.replace(camera, **lens)
-
-
-LENS_KEYS = ("model", "width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px", "distortion")
-"""What a calibration file decides."""
 
 
 def parse_value(text: str) -> Any:

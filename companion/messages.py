@@ -226,6 +226,7 @@ class VehicleStatus:
     battery_fraction: float | None
     home_position_ned_m: Vec3 | None
     link_age_s: float
+    home_position_deg: Vec2 | None = None
 
 
 @dataclass(frozen=True, slots=True)

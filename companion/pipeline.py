@@ -18,7 +18,6 @@ from companion.estimation import VehiclePose, make_tracker
 from companion.geometry import (
     ZERO,
     Transform,
-    horizontal_norm,
     quaternion_conjugate,
     quaternion_from_euler,
     rotate,
@@ -26,16 +25,15 @@ from companion.geometry import (
     yaw_of,
 )
 from companion.messages import (
-    CommandKind,
     CommandResult,
     Input,
     MissionView,
-    OperatorAction,
     OperatorCommand,
     Output,
     PadBeacon,
     PadBearing,
     PadEstimate,
+    PadNotSeen,
     PadObservation,
     Phase,
     PlanMade,
@@ -50,22 +48,16 @@ from companion.messages import (
 from companion.mission.facts import Facts
 from companion.mission.goals import Goal, goal_of
 from companion.mission.machine import Machine
-from companion.mission.search import PATTERNS
-from companion.mission.touchdown import NO_EVIDENCE, TouchdownDetector, TouchdownEvidence, TouchdownSigns
+from companion.mission.preflight import MAX_MODE_AGE_S, MAX_STATE_AGE_S
+from companion.mission.search_area import SearchArea
 from companion.mount import mounted
 from companion.planning import PLANNERS
 from companion.planning.follower import FollowRequest, ReferenceFollower
+from companion.situation import Situation
 from companion.vision.detector import DetectionHint
-
-MAX_STATE_AGE_S = 0.25
-"""Older vehicle states are not flown on: unknown means stop sending."""
-
-MAX_MODE_AGE_S = 0.6
-"""PX4 takes OFFBOARD back by itself at the first setpoint after a failsafe. So none is sent until the mode is known afresh."""
 
 NO_PLAN_PATIENCE_NS = 1_000_000_000
 
-MAX_RANGE_AGE_S = 0.3
 PAD_IN_VIEW_AGE_S = 0.15
 
 
@@ -88,19 +80,12 @@ class Pipeline:
         self._machine = Machine(config.mission, config.safety)
         self._follower = ReferenceFollower(PLANNERS[config.planning.planner](config.planning), config.planning)
         self._controller = CONTROLLERS[config.control.controller](config.control)
-        self._touchdown = TouchdownDetector(config.mission)
         self._mounts = {name: mounted(camera) for name, camera in config.cameras.items()}
-        self._evidence: TouchdownEvidence = NO_EVIDENCE
-        self._status: VehicleStatus | None = None
-        self._range: RangeMeasurement | None = None
-        self._thrust: ThrustReport | None = None
-        self._operator: OperatorAction | None = None
-        self._refused: str | None = None
-        self._no_plan: str | None = None
+        self._situation = Situation(config, self._tracker)
         self._no_plan_since_ns: int | None = None
         self._start: VehiclePose | None = None
         self._start_yaw_rad = 0.0
-        self._pattern_since_ns: int | None = None
+        self._search: SearchArea | None = None
         self._setpoint: VelocitySetpoint | None = None
         self._last_tick_ns: int | None = None
 
@@ -127,18 +112,23 @@ class Pipeline:
             case VehicleState():
                 self._tracker.add_vehicle_state(message)
             case RangeMeasurement():
-                self._range = message
+                self._situation.add_range(message)
                 return self._observe(message)
-            case PadObservation() | PadBearing() | PadBeacon():
+            case PadObservation() | PadBearing():
+                self._situation.add_frame(message.t_ns)
+                return self._observe(message)
+            case PadNotSeen():
+                self._situation.add_frame(message.t_ns)
+            case PadBeacon():
                 return self._observe(message)
             case VehicleStatus():
-                self._status = message
+                self._situation.status = message
             case ThrustReport():
-                self._thrust = message
+                self._situation.add_thrust(message)
             case CommandResult():
-                self._on_command_result(message)
+                self._situation.add_command_result(message)
             case OperatorCommand():
-                self._operator = message.action
+                self._situation.operator = message.action
             case _:
                 pass
         return []
@@ -146,11 +136,6 @@ class Pipeline:
     def _observe(self, message: PadObservation | PadBearing | PadBeacon | RangeMeasurement) -> list[Output]:
         verdict = self._tracker.observe(message)
         return [] if verdict is None else [verdict]
-
-    def _on_command_result(self, result: CommandResult) -> None:
-        self._refused = None if result.accepted else f"{result.kind}: {result.result}"
-        if not result.accepted and result.kind is CommandKind.FORCE_DISARM:
-            self._refused = None  # nothing left to escalate to: asked again after the request period
 
     def hint(self, camera: str, t_ns: int) -> DetectionHint | None:
         """What a frame taken at t_ns should show: a pure question, asked by the shell before the detector runs."""
@@ -172,14 +157,17 @@ class Pipeline:
         self._last_tick_ns = t_ns
         pose = self._tracker.history.at(t_ns)
         pad = self._tracker.estimate(t_ns)
-        facts = self._facts(t_ns, pose, pad, dt_s)
+        self._situation.commanded_down_m_s = None if self._setpoint is None else self._setpoint.velocity_ned_m_s[2]
+        facts = self._situation.facts(t_ns, pose, self._state_ns(), pad, dt_s=dt_s)
         step = self._machine.step(facts, dt_s=dt_s)
-        self._operator = None
-        outputs: list[Output] = [*step.changes]
+        self._situation.operator = None
+        outputs: list[Output] = [*step.changes, *step.health]
+        if dt_s > self._config.safety.stall_hold_s:
+            self._follower.reset()  # after a pause: hold the place relative to the pad, then plan from there
         if step.changes:
-            self._on_phase(step.changes[0].before, step.phase, pose)
+            self._on_phase(step.changes[0].before, step.phase, pose, pad)
         if step.commands:
-            self._refused = None
+            self._situation.refused = None
             outputs += step.commands
         outputs += self._fly(step.phase, facts, pose, pad, dt_s)
         if pad is not None:
@@ -187,83 +175,45 @@ class Pipeline:
         outputs.append(self._view(facts, step.phase))
         return outputs
 
-    def _state_age_s(self, t_ns: int) -> float | None:
+    def _state_ns(self) -> int | None:
         latest = self._tracker.history.latest
-        return None if latest is None else (t_ns - latest.t_ns) / 1e9
+        return None if latest is None else latest.t_ns
 
-    def _on_phase(self, before: Phase, phase: Phase, pose: VehiclePose | None) -> None:
-        self._refused = None
-        self._no_plan, self._no_plan_since_ns = None, None
+    def _on_phase(self, before: Phase, phase: Phase, pose: VehiclePose | None, pad: PadEstimate | None) -> None:
+        self._situation.refused = None
+        self._situation.no_plan, self._no_plan_since_ns = None, None
         if phase in (Phase.ENGAGE, Phase.TAKEOFF) and pose is not None:
             self._start = pose
             self._start_yaw_rad = yaw_of(pose.q_ned_frd)
             self._controller.reset()
             self._follower.reset()
             self._setpoint = None
+            if before is not Phase.TAKEOFF:
+                self._situation.flight_start_ned_m = pose.position_ned_m
         if phase is Phase.SEARCH:
-            self._start = pose or self._start
-            self._pattern_since_ns = None
+            self._begin_search(pose, pad)
         if before is Phase.SEARCH:
             self._follower.reset()
 
-    def _facts(self, t_ns: int, pose: VehiclePose | None, pad: PadEstimate | None, dt_s: float) -> Facts:
-        relative_position = relative_velocity = None
-        if pose is not None and pad is not None:
-            relative_position = subtract(pose.position_ned_m, pad.position_ned_m)
-            relative_velocity = subtract(pose.velocity_ned_m_s, pad.velocity_ned_m_s)
-        self._weigh_touchdown(t_ns, pose, relative_position, relative_velocity, pad, dt_s)
-        start = self._start.position_ned_m if self._start is not None else None
-        away = ZERO if start is None or pose is None else subtract(pose.position_ned_m, start)
-        return Facts(
-            t_ns=t_ns,
-            status=self._status,
-            mode_age_s=None if self._status is None else (t_ns - self._status.t_ns) / 1e9,
-            state_age_s=self._state_age_s(t_ns),
-            distance_from_start_m=horizontal_norm(away),
-            height_above_start_m=-away[2],
-            tilt_rad=0.0 if pose is None else _tilt_rad(pose),
-            pad=pad,
-            relative_position_m=relative_position,
-            relative_velocity_m_s=relative_velocity,
-            touchdown=self._evidence,
-            no_plan_reason=self._no_plan,
-            operator=self._operator,
-            refused=self._refused,
+    def _begin_search(self, pose: VehiclePose | None, pad: PadEstimate | None) -> None:
+        """Around the place where the pad was last known, and high enough to see more; else around the vehicle."""
+        self._start = pose or self._start
+        if self._start is None:
+            return
+        here, mission = self._start.position_ned_m, self._config.mission
+        centre, drift = here, (0.0, 0.0)
+        if pad is not None:
+            north, east, down = pad.position_ned_m
+            centre = (north, east, min(here[2], down - mission.search_height_m))
+            drift = (pad.velocity_ned_m_s[0], pad.velocity_ned_m_s[1])
+        self._search = SearchArea(
+            mission,
+            t_ns=self._last_tick_ns or 0,
+            here_ned_m=here,
+            centre_ned_m=centre,
+            drift_m_s=drift,
+            allowed=self._situation.is_allowed,
         )
-
-    def _weigh_touchdown(
-        self,
-        t_ns: int,
-        pose: VehiclePose | None,
-        position: Vec3 | None,
-        velocity: Vec3 | None,
-        pad: PadEstimate | None,
-        dt_s: float,
-    ) -> None:
-        thrust = None if self._thrust is None else self._thrust.thrust_normalized
-        height = None if position is None else -position[2]
-        flying_free = height is not None and height > 1.5 and velocity is not None and abs(velocity[2]) < 1.5
-        if thrust is not None and flying_free:
-            self._touchdown.learn_hover_thrust(thrust, dt_s=dt_s)
-        pad_down = 0.0 if pad is None else pad.velocity_ned_m_s[2]
-        signs = TouchdownSigns(
-            height_m=height,
-            range_m=self._fresh_range(t_ns, pose),
-            sink_rate_m_s=None if velocity is None else velocity[2],
-            relative_speed_m_s=None if velocity is None else horizontal_norm(velocity),
-            commanded_sink_m_s=0.0 if self._setpoint is None else self._setpoint.velocity_ned_m_s[2] - pad_down,
-            thrust_normalized=thrust,
-        )
-        self._evidence = self._touchdown.update(signs, dt_s=dt_s)
-
-    def _fresh_range(self, t_ns: int, pose: VehiclePose | None) -> float | None:
-        """Vertical distance to what is below, m."""
-        measured = self._range
-        if measured is None or measured.distance_m is None or pose is None:
-            return None
-        if (t_ns - measured.t_ns) / 1e9 > MAX_RANGE_AGE_S:
-            return None
-        return measured.distance_m * math.cos(_tilt_rad(pose))
 
     # ------------------------------------------------------------------------------------------------------------- fly
 
@@ -303,6 +253,7 @@ class Pipeline:
     def _may_send(self, facts: Facts) -> bool:
         state_fresh = facts.state_age_s is not None and facts.state_age_s <= MAX_STATE_AGE_S
         mode_fresh = facts.mode_age_s is not None and facts.mode_age_s <= MAX_MODE_AGE_S
+        # PX4 takes OFFBOARD back by itself at the first setpoint after a failsafe: none before the mode is known afresh.
         return state_fresh and mode_fresh and facts.status is not None and facts.status.connected
 
     def _target(self, goal: Goal, t_ns: int, pad: PadEstimate | None) -> _Target | None:
@@ -330,7 +281,7 @@ class Pipeline:
             pressing = Reference(ZERO, goal.velocity_m_s, ZERO)
             return pressing, pressing
         if goal.style == "pattern":
-            return self._pattern(t_ns), self._pattern(t_ns + round(self._config.control.lead_s * 1e9))
+            return self._pattern(t_ns)
         followed = self._follower.follow(
             FollowRequest(
                 t_ns=t_ns,
@@ -353,28 +304,25 @@ class Pipeline:
     def _note_plan(self, plan: PlanMade) -> None:
         """A planner that finds nothing for a moment is waited for; the reference holds meanwhile."""
         if plan.found:
-            self._no_plan, self._no_plan_since_ns = None, None
+            self._situation.no_plan, self._no_plan_since_ns = None, None
             return
         if self._no_plan_since_ns is None:
             self._no_plan_since_ns = plan.t_ns
         if plan.t_ns - self._no_plan_since_ns >= NO_PLAN_PATIENCE_NS:
-            self._no_plan = plan.reason
+            self._situation.no_plan = plan.reason
 
-    def _pattern(self, t_ns: int) -> Reference:
-        """The search: a point that moves along the pattern at the search speed, at the search height above the start."""
-        mission = self._config.mission
-        if self._pattern_since_ns is None:
-            self._pattern_since_ns = t_ns
-        flown = mission.search_speed_m_s * (t_ns - self._pattern_since_ns) / 1e9
-        pattern = PATTERNS[mission.search_pattern]
-        here = pattern(max(0.0, flown), mission.search_spacing_m, mission.search_radius_m)
-        there = pattern(max(0.0, flown) + 0.1, mission.search_spacing_m, mission.search_radius_m)
-        along = (there[0] - here[0], there[1] - here[1])
-        length = math.hypot(*along) or 1.0
-        speed = (
-            mission.search_speed_m_s if length < 1.0 else 0.0
-        )  # the pattern starts again with a jump: do not chase it
-        return Reference((here[0], here[1], 0.0), (speed * along[0] / length, speed * along[1] / length, 0.0), ZERO)
+    def _pattern(self, t_ns: int) -> tuple[Reference, Reference]:
+        """The search: a point that moves along its path, relative to where it began."""
+        if self._search is None or self._start is None:
+            still = Reference(ZERO, ZERO, ZERO)
+            return still, still
+        here = self._search.step(t_ns)
+        ahead = self._search.ahead(t_ns + round(self._config.control.lead_s * 1e9))
+        origin = self._start.position_ned_m
+        return (
+            Reference(subtract(here.position_ned_m, origin), here.velocity_ned_m_s, ZERO),
+            Reference(subtract(ahead.position_ned_m, origin), ahead.velocity_ned_m_s, ZERO),
+        )
 
     def _limited(
         self,
@@ -435,9 +383,3 @@ class Pipeline:
             note=self._machine.note,
             go_arounds=self._machine.go_arounds,
         )
-
-
-def _tilt_rad(pose: VehiclePose) -> float:
-    """Angle between body down and true down."""
-    down = rotate(pose.q_ned_frd, (0.0, 0.0, 1.0))
-    return math.acos(max(-1.0, min(1.0, down[2])))

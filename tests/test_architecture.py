@@ -19,6 +19,7 @@ CORE = (
     "mission",
     "mavlink",
     "pipeline",
+    "situation",
     "onboard",
 )
 STAGES = ("vision", "estimation", "planning", "control", "mission", "mavlink")

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from companion.mavlink.codec import finite
 from companion.mavlink.dialect import BatteryStatus, CurrentMode, ExtendedSysState, Heartbeat, HomePosition, SysStatus
 from companion.mavlink.modes import mode_from_custom
-from companion.messages import AutopilotMode, LandedState, Vec3, VehicleStatus
+from companion.messages import AutopilotMode, LandedState, Vec2, Vec3, VehicleStatus
 
 ARMED_FLAG = 0x80
 PREARM_CHECK_BIT = 0x10000000
@@ -41,6 +41,7 @@ class StatusTracker:
     ready_to_arm: bool | None = None
     battery_fraction: float | None = None
     home_position_ned_m: Vec3 | None = None
+    home_position_deg: Vec2 | None = None
     mode_heard_ns: int = 0
     _armed_held_until_ns: int = 0
     _battery_is_detailed: bool = False
@@ -87,6 +88,7 @@ class StatusTracker:
         is_placeholder = position == (0.0, 0.0, 0.0) and not (self.ready_to_arm or self.armed)
         if finite(*position) and not is_placeholder:
             self.home_position_ned_m = position
+            self.home_position_deg = (message.latitude * 1e-7, message.longitude * 1e-7)
 
     @property
     def failsafe(self) -> bool:
@@ -107,6 +109,7 @@ class StatusTracker:
             battery_fraction=self.battery_fraction,
             home_position_ned_m=self.home_position_ned_m,
             link_age_s=link_age_s,
+            home_position_deg=self.home_position_deg,
         )
 
 

@@ -6,12 +6,17 @@ from dataclasses import dataclass
 
 from companion.geometry import horizontal_norm
 from companion.messages import OperatorAction, PadEstimate, Vec3, VehicleStatus
+from companion.mission.contact import Contact
 from companion.mission.touchdown import TouchdownEvidence
 
 
 @dataclass(frozen=True, slots=True)
 class Facts:
-    """`relative_*` is vehicle minus pad in W axes; ages are None where there was never anything."""
+    """`relative_*` is vehicle minus pad in W axes; ages are None where there was never anything.
+
+    `no_fly_zone` holds the vehicle (or the place where it could stop), `no_land_zone` the pad where it will be at contact;
+    `tick_gap_s` is the time since the tick before this one.
+    """
 
     t_ns: int
     status: VehicleStatus | None
@@ -27,6 +32,14 @@ class Facts:
     no_plan_reason: str | None
     operator: OperatorAction | None
     refused: str | None
+    frame_age_s: float | None = None
+    tick_gap_s: float = 0.0
+    distance_from_home_m: float | None = None
+    no_fly_zone: str | None = None
+    no_land_zone: str | None = None
+    unplaced_zones: tuple[str, ...] = ()
+    half_deck_m: float = 0.75
+    contact: Contact | None = None
 
     @property
     def miss_m(self) -> float | None:

@@ -8,6 +8,7 @@ from typing import Literal
 from companion.config import Mission
 from companion.geometry import ZERO
 from companion.messages import Phase, Vec3
+from companion.mission.contact import window_is_closed
 from companion.mission.facts import Facts
 
 Frame = Literal["pad", "start"]
@@ -27,6 +28,10 @@ class Goal:
     position_m: Vec3 = ZERO
     velocity_m_s: Vec3 = ZERO
     max_descent_m_s: float | None = None
+
+
+WAIT_MARGIN_M = 0.4
+"""Above the commit height: from here the touchdown window counts."""
 
 
 def goal_of(phase: Phase, facts: Facts, mission: Mission) -> Goal | None:
@@ -58,9 +63,18 @@ def _descent(facts: Facts, mission: Mission) -> Goal:
     """Down to where the last metre begins; level while the pad is out of sight or the vehicle outside the cone."""
     if not may_descend(facts, mission):
         return Goal("pad", "level")
+    if _waits_for_the_deck(facts, mission):
+        return _above(mission.commit_height_m)
     end = (0.0, 0.0, -0.9 * mission.commit_height_m)
     down = (0.0, 0.0, mission.final_descent_speed_m_s)
     return Goal("pad", "plan", end, down, max_descent_m_s=mission.descent_speed_m_s)
+
+
+def _waits_for_the_deck(facts: Facts, mission: Mission) -> bool:
+    """Low above a deck that heaves or tilts too much at the time of contact."""
+    height = facts.height_above_pad_m
+    low = height is not None and height < mission.commit_height_m + WAIT_MARGIN_M
+    return low and window_is_closed(facts.contact, mission) is not None
 
 
 def may_descend(facts: Facts, mission: Mission) -> bool:

@@ -8,8 +8,10 @@ from dataclasses import dataclass
 
 from companion.config import Mission, Safety
 from companion.messages import AutopilotMode, LandedState, OperatorAction, Phase
+from companion.mission.contact import window_is_closed
 from companion.mission.facts import Facts
 from companion.mission.phases import OFFBOARD_PHASES, Event
+from companion.mission.preflight import blocking, is_flying
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,6 +26,7 @@ class Context:
     stable_sight_for_s: float
     mission: Mission
     safety: Safety
+    mode_at_entry: AutopilotMode | None = None
 
 
 Guard = Callable[[Facts, Context], str | None]
@@ -37,19 +40,32 @@ def disarmed(facts: Facts, context: Context) -> str | None:
     return "the vehicle is disarmed"
 
 
-def _left_offboard(facts: Facts, context: Context) -> bool:
-    flown = context.phase in OFFBOARD_PHASES and context.phase is not Phase.ENGAGE
-    return flown and facts.status is not None and facts.status.mode is not AutopilotMode.OFFBOARD
+MODES_ON_THE_WAY: dict[Phase, frozenset[AutopilotMode]] = {
+    Phase.TAKEOFF: frozenset({AutopilotMode.TAKEOFF, AutopilotMode.HOLD}),
+    Phase.ENGAGE: frozenset({AutopilotMode.OFFBOARD}),
+    Phase.HOLD: frozenset({AutopilotMode.HOLD}),
+    Phase.RETURN: frozenset({AutopilotMode.RETURN, AutopilotMode.LAND}),
+}
+"""While a mode is being asked for, the one found at the phase's beginning is no pilot's answer either."""
+
+
+def _left_our_modes(facts: Facts, context: Context) -> bool:
+    if facts.status is None:
+        return False
+    asked = MODES_ON_THE_WAY.get(context.phase)
+    if asked is not None:
+        return facts.status.mode not in asked and facts.status.mode is not context.mode_at_entry
+    return context.phase in OFFBOARD_PHASES and facts.status.mode is not AutopilotMode.OFFBOARD
 
 
 def pilot_took_over(facts: Facts, context: Context) -> str | None:
-    if facts.status is None or not _left_offboard(facts, context) or facts.status.failsafe:
+    if facts.status is None or not _left_our_modes(facts, context) or facts.status.failsafe:
         return None
     return f"mode {facts.status.mode}, not asked for by Companion"
 
 
 def autopilot_failsafe(facts: Facts, context: Context) -> str | None:
-    if facts.status is None or not _left_offboard(facts, context) or not facts.status.failsafe:
+    if facts.status is None or not _left_our_modes(facts, context) or not facts.status.failsafe:
         return None
     return f"the autopilot's failsafe took over in mode {facts.status.mode}"
 
@@ -60,6 +76,17 @@ def link_lost(facts: Facts, context: Context) -> str | None:
     return None
 
 
+def stalled(facts: Facts, context: Context) -> str | None:
+    """Silence this long makes the autopilot act by itself: what it then does must not be undone by our next setpoint."""
+    limit = context.safety.stall_silence_s
+    ages = {
+        "the vehicle's state": facts.state_age_s,
+        "the autopilot's mode": facts.mode_age_s,
+        "Companion's own tick": facts.tick_gap_s,
+    }
+    return next((f"{name} is {age:.1f} s old" for name, age in ages.items() if age is not None and age > limit), None)
+
+
 def _operator(action: OperatorAction) -> Guard:
     def guard(facts: Facts, context: Context) -> str | None:
         return f"operator: {action}" if facts.operator is action else None
@@ -67,20 +94,16 @@ def _operator(action: OperatorAction) -> Guard:
     return guard
 
 
+def _may_start(facts: Facts, context: Context) -> bool:
+    return facts.operator is OperatorAction.START and not blocking(facts, context.safety)
+
+
 def start_in_air(facts: Facts, context: Context) -> str | None:
-    status = facts.status
-    if facts.operator is not OperatorAction.START or status is None or not status.connected:
-        return None
-    flying = status.armed and status.landed_state is not LandedState.ON_GROUND
-    return "operator: start, vehicle is flying" if flying else None
+    return "operator: start, vehicle is flying" if _may_start(facts, context) and is_flying(facts) else None
 
 
 def start_on_ground(facts: Facts, context: Context) -> str | None:
-    status = facts.status
-    if facts.operator is not OperatorAction.START or status is None or not status.connected:
-        return None
-    flying = status.armed and status.landed_state is not LandedState.ON_GROUND
-    return None if flying else "operator: start, vehicle is on the ground"
+    return "operator: start, vehicle is on the ground" if _may_start(facts, context) and not is_flying(facts) else None
 
 
 def outside_fence(facts: Facts, context: Context) -> str | None:
@@ -88,7 +111,7 @@ def outside_fence(facts: Facts, context: Context) -> str | None:
         return f"{facts.distance_from_start_m:.0f} m from the start, fence {context.safety.geofence_radius_m:.0f} m"
     if facts.height_above_start_m > context.safety.ceiling_m:
         return f"{facts.height_above_start_m:.0f} m above the start, ceiling {context.safety.ceiling_m:.0f} m"
-    return None
+    return None if facts.no_fly_zone is None else f"at the no-fly zone {facts.no_fly_zone}"
 
 
 def battery_low(facts: Facts, context: Context) -> str | None:
@@ -121,6 +144,20 @@ def offboard_granted(facts: Facts, context: Context) -> str | None:
     return "the autopilot flies our setpoints" if granted else None
 
 
+def no_landing_here(facts: Facts, context: Context) -> str | None:
+    """The pad will be in a no-land zone at contact; or below there is water and the deck is not surely under the feet."""
+    if facts.no_land_zone is not None:
+        return f"the pad is in the no-land zone {facts.no_land_zone}"
+    height, miss, mission = facts.height_above_pad_m, facts.miss_m, context.mission
+    low = height is not None and height < mission.commit_height_m
+    if not context.safety.only_the_pad_is_land or not low or miss is None:
+        return None
+    if miss > facts.half_deck_m:
+        return f"{miss:.2f} m off the pad's centre over water"
+    age = _vision_age(facts)
+    return f"pad not seen for {age:.1f} s over water" if age > mission.vision_lost_descend_s else None
+
+
 def touchdown_suspected(facts: Facts, context: Context) -> str | None:
     return "the vehicle no longer sinks at the deck's height" if facts.touchdown.suspected else None
 
@@ -144,6 +181,8 @@ def commit_unsafe(facts: Facts, context: Context) -> str | None:
         return f"{miss:.2f} m off the pad's centre"
     if speed > 2.0 * mission.commit_relative_speed_m_s:
         return f"{speed:.2f} m/s against the pad"
+    if facts.contact is not None and math.degrees(facts.contact.deck_tilt_rad) > 2.0 * mission.commit_deck_tilt_deg:
+        return f"the deck will tilt {math.degrees(facts.contact.deck_tilt_rad):.0f} deg"
     if context.phase_age_s > mission.max_commit_s:
         return f"no contact within {mission.max_commit_s:.0f} s"
     age = _vision_age(facts)
@@ -170,16 +209,18 @@ def ready_to_commit(facts: Facts, context: Context) -> str | None:
     if height is None or miss is None or speed is None or height > mission.commit_height_m:
         return None
     tilt_deg = math.degrees(facts.tilt_rad)
+    then = facts.contact
     fits = (
-        miss <= mission.commit_miss_m
+        max(miss, 0.0 if then is None else then.miss_m) <= mission.commit_miss_m
         and speed <= mission.commit_relative_speed_m_s
         and tilt_deg <= mission.commit_tilt_deg
+        and window_is_closed(then, mission) is None
     )
     return f"{miss:.2f} m off, {speed:.2f} m/s against the pad, tilt {tilt_deg:.0f} deg" if fits else None
 
 
 def above_pad(facts: Facts, context: Context) -> str | None:
-    if context.above_pad_for_s < context.mission.follow_time_s:
+    if context.above_pad_for_s < context.mission.follow_time_s or facts.no_land_zone is not None:
         return None
     return f"within {context.mission.follow_radius_m:.1f} m for {context.above_pad_for_s:.1f} s"
 
@@ -226,6 +267,15 @@ def pad_lost(facts: Facts, context: Context) -> str | None:
     return f"nothing known of the pad for {min(ages, default=math.inf):.0f} s"
 
 
+def _lost_for_good(action: str) -> Guard:
+    def guard(facts: Facts, context: Context) -> str | None:
+        if context.mission.lost_action != action or context.phase_age_s < context.mission.search_time_s:
+            return None
+        return f"searched for {context.phase_age_s:.0f} s"
+
+    return guard
+
+
 def pad_known(facts: Facts, context: Context) -> str | None:
     return None if pad_lost(facts, context) else "an estimate of the pad"
 
@@ -241,6 +291,7 @@ GUARDS: dict[Event, Guard] = {
     Event.PILOT_TOOK_OVER: pilot_took_over,
     Event.AUTOPILOT_FAILSAFE: autopilot_failsafe,
     Event.LINK_LOST: link_lost,
+    Event.STALLED: stalled,
     Event.OPERATOR_ABORT: _operator(OperatorAction.ABORT),
     Event.OPERATOR_RETURN: _operator(OperatorAction.RETURN),
     Event.OPERATOR_HOLD: _operator(OperatorAction.HOLD),
@@ -253,6 +304,7 @@ GUARDS: dict[Event, Guard] = {
     Event.REQUEST_REFUSED: request_refused,
     Event.AIRBORNE: airborne,
     Event.OFFBOARD_GRANTED: offboard_granted,
+    Event.NO_LANDING_HERE: no_landing_here,
     Event.TOUCHDOWN_SUSPECTED: touchdown_suspected,
     Event.TOUCHDOWN_LOST: touchdown_lost,
     Event.TOO_MANY_GO_AROUNDS: too_many_go_arounds,
@@ -266,4 +318,6 @@ GUARDS: dict[Event, Guard] = {
     Event.VISION_LOST: vision_lost,
     Event.PAD_LOST: pad_lost,
     Event.PAD_KNOWN: pad_known,
+    Event.LOST_FOR_GOOD_HOLD: _lost_for_good("hold"),
+    Event.LOST_FOR_GOOD_RETURN: _lost_for_good("return"),
 }

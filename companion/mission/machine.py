@@ -6,13 +6,22 @@ its part (IDLE) until a person says START again.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from companion.config import Mission, Safety
-from companion.messages import AutopilotMode, CommandKind, Phase, PhaseChanged, VehicleCommand
+from companion.messages import (
+    AutopilotMode,
+    CommandKind,
+    Health,
+    OperatorAction,
+    Phase,
+    PhaseChanged,
+    VehicleCommand,
+)
 from companion.mission.facts import Facts
 from companion.mission.guards import GUARDS, Context, is_above_pad, is_in_sight
 from companion.mission.phases import TABLE, Event
+from companion.mission.preflight import MAX_STATE_AGE_S, blocking, warnings
 
 STREAM_BEFORE_OFFBOARD_S = 0.2
 """PX4 takes OFFBOARD after one setpoint; a few show that the stream is alive."""
@@ -30,6 +39,7 @@ class Step:
     phase: Phase
     changes: tuple[PhaseChanged, ...]
     commands: tuple[VehicleCommand, ...]
+    health: tuple[Health, ...] = ()
 
 
 class Machine:
@@ -46,18 +56,49 @@ class Machine:
         self._above_pad_for_s = 0.0
         self._in_sight_for_s = 0.0
         self._last_request: tuple[CommandKind, int] | None = None
+        self._start_until_ns: int | None = None
+        self._mode_at_entry: AutopilotMode | None = None
 
     def step(self, facts: Facts, *, dt_s: float) -> Step:
         """Advance by one tick; at most one change of phase."""
+        facts, health = self._with_waiting_start(facts)
         self._count(facts, dt_s)
         changes: tuple[PhaseChanged, ...] = ()
         transition = self._transition(facts)
         if transition is not None:
             event, target, reason = transition
             changes = (PhaseChanged(facts.t_ns, self.phase, target, f"{event}: {reason}"),)
-            self._enter(target, facts.t_ns, reason)
+            self._enter(target, facts, reason)
         request = self._request(facts)
-        return Step(self.phase, changes, () if request is None else (request,))
+        return Step(self.phase, changes, () if request is None else (request,), health)
+
+    def _with_waiting_start(self, facts: Facts) -> tuple[Facts, tuple[Health, ...]]:
+        """A START that cannot be obeyed yet waits a little, says for what, and is refused with reasons after that."""
+        if facts.operator not in (None, OperatorAction.START):
+            self._start_until_ns = None
+            return facts, ()
+        answers = TABLE[self.phase]
+        if Event.START_IN_AIR not in answers and Event.START_ON_GROUND not in answers:
+            self._start_until_ns = None
+            return facts, ()
+        is_new = facts.operator is OperatorAction.START
+        if is_new:
+            self._start_until_ns = facts.t_ns + round(self._mission.start_wait_s * 1e9)
+        if self._start_until_ns is None:
+            return facts, ()
+        return self._waiting_start(replace(facts, operator=OperatorAction.START), self._start_until_ns, is_new)
+
+    def _waiting_start(self, facts: Facts, until_ns: int, is_new: bool) -> tuple[Facts, tuple[Health, ...]]:
+        reasons = "; ".join(blocking(facts, self._safety))
+        if not reasons:
+            self._start_until_ns = None
+            return facts, tuple(Health(facts.t_ns, "start", 1, text) for text in warnings(facts))
+        refused = facts.t_ns >= until_ns
+        self.note = f"START {'refused' if refused else 'waits'}: {reasons}"
+        if refused:
+            self._start_until_ns = None
+            return replace(facts, operator=None), (Health(facts.t_ns, "start", 2, self.note),)
+        return facts, (Health(facts.t_ns, "start", 1, self.note),) if is_new else ()
 
     def _count(self, facts: Facts, dt_s: float) -> None:
         if self._since_ns is None:
@@ -75,6 +116,7 @@ class Machine:
             stable_sight_for_s=self._in_sight_for_s,
             mission=self._mission,
             safety=self._safety,
+            mode_at_entry=self._mode_at_entry,
         )
 
     def _transition(self, facts: Facts) -> tuple[Event, Phase, str] | None:
@@ -87,15 +129,16 @@ class Machine:
                     return event, answers[event], reason
         return None
 
-    def _enter(self, phase: Phase, t_ns: int, reason: str) -> None:
+    def _enter(self, phase: Phase, facts: Facts, reason: str) -> None:
         if phase in NEW_FLIGHT_PHASES and self.phase not in NEW_FLIGHT_PHASES:
-            self._flight_since_ns = t_ns
+            self._flight_since_ns = facts.t_ns
             self.go_arounds = 0
         if phase is Phase.GO_AROUND:
             self.go_arounds += 1
         self.phase = phase
         self.note = reason
-        self._since_ns = t_ns
+        self._since_ns = facts.t_ns
+        self._mode_at_entry = None if facts.status is None else facts.status.mode
         self._above_pad_for_s = 0.0
         self._last_request = None
 
@@ -141,6 +184,8 @@ class Machine:
     def _disarm(self, facts: Facts) -> VehicleCommand | None:
         """Plain first; forced, with the evidence, where the autopilot refuses or cannot know that it has landed."""
         evidence = facts.touchdown
+        if facts.state_age_s is None or facts.state_age_s > MAX_STATE_AGE_S:
+            return None  # evidence about a state of long ago is none
         if self._mission.disarm == "never" or evidence.proven_for_s < self._mission.touchdown_time_s:
             return None
         plain_refused = facts.refused is not None and self._last_request is not None

@@ -63,6 +63,7 @@ FACTS = Facts(
     no_plan_reason=None,
     operator=None,
     refused=None,
+    frame_age_s=0.03,
 )
 STANDING = TouchdownEvidence(suspected=True, airborne=False, proven_for_s=1.0, signs=("range 0.15 m", "thrust low"))
 

@@ -1,0 +1,57 @@
+"""What the deck will do when the feet meet it: the touchdown window on a deck that heaves and tilts.
+
+A level, steady deck always fits. On a boat the vehicle waits low above the deck until the predicted heave and tilt at the
+time of contact fit. W, SI; `deck_climb_m_s` is positive up. Called by pipeline.py each tick.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from companion.config import Mission
+from companion.geometry import horizontal_norm
+from companion.messages import PadEstimate, Vec3
+
+CLOSING_S = 0.3
+"""The horizontal error is carried on for so long only: after that the control law has answered it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Contact:
+    """`in_s` from now; `miss_m` horizontal, predicted."""
+
+    in_s: float
+    miss_m: float
+    deck_tilt_rad: float
+    deck_climb_m_s: float
+
+
+def time_to_contact_s(height_m: float, mission: Mission) -> float:
+    """At the final descent speed, feet first."""
+    return max(0.0, height_m - mission.vehicle_leg_height_m) / mission.final_descent_speed_m_s
+
+
+def contact(in_s: float, position_m: Vec3, velocity_m_s: Vec3, pad_then: PadEstimate) -> Contact:
+    """`position_m`, `velocity_m_s`: vehicle minus pad now; `pad_then`: the pad predicted for the contact."""
+    ahead_s = min(in_s, CLOSING_S)
+    return Contact(
+        in_s=in_s,
+        miss_m=horizontal_norm(
+            (position_m[0] + ahead_s * velocity_m_s[0], position_m[1] + ahead_s * velocity_m_s[1], 0.0)
+        ),
+        deck_tilt_rad=math.acos(math.cos(pad_then.roll_rad) * math.cos(pad_then.pitch_rad)),
+        deck_climb_m_s=-pad_then.velocity_ned_m_s[2],
+    )
+
+
+def window_is_closed(then: Contact | None, mission: Mission) -> str | None:
+    """Why the deck is not to be touched then; None where it may be (or nothing is predicted)."""
+    if then is None:
+        return None
+    if abs(then.deck_climb_m_s) > mission.commit_heave_m_s:
+        return f"the deck will heave at {then.deck_climb_m_s:+.1f} m/s, {mission.commit_heave_m_s:.1f} m/s allowed"
+    tilt_deg = math.degrees(then.deck_tilt_rad)
+    if tilt_deg > mission.commit_deck_tilt_deg:
+        return f"the deck will tilt {tilt_deg:.0f} deg, {mission.commit_deck_tilt_deg:.0f} deg allowed"
+    return None
