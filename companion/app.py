@@ -15,7 +15,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 from rich.console import Console
 from rich.live import Live
@@ -26,9 +26,20 @@ from companion.io.link import Link
 from companion.io.links import open_link
 from companion.io.mcap_log import FrameSink, LogOrigin, McapWriter
 from companion.io.run_folder import RunFolder, versions
+from companion.io.side_thread import Ask
 from companion.io.tlog import TlogWriter
-from companion.messages import Health, Image, OperatorAction, PadNotSeen, Phase, VelocitySetpoint
+from companion.messages import (
+    Health,
+    Image,
+    OperatorAction,
+    OperatorCommand,
+    PadBeacon,
+    PadNotSeen,
+    Phase,
+    VelocitySetpoint,
+)
 from companion.onboard import JournalEntry, Onboard
+from companion.services import services_of
 from companion.telemetry.flight_record import FlightRecord
 from companion.telemetry.live_view import LiveView
 from companion.telemetry.report import report_html
@@ -59,6 +70,13 @@ class LiveSink(Protocol):
     def journal(self, entries: Sequence[JournalEntry]) -> None: ...
 
     def close(self) -> None: ...
+
+
+@runtime_checkable
+class LiveService(LiveSink, Protocol):
+    """A sink that also asks, from a thread of its own: broker, page."""
+
+    def start(self, ask: Ask) -> None: ...
 
 
 @dataclass(slots=True)
@@ -114,6 +132,7 @@ class LiveApp:
         gc.freeze()  # a full collection under load would cost tens of milliseconds of the control loop
         async with open_link(self._config.link.url, self._on_datagram) as link:
             self._link = link
+            self._start_services()
             try:
                 async with asyncio.TaskGroup() as tasks:
                     background = [
@@ -131,6 +150,19 @@ class LiveApp:
                 for sink in self._sinks:
                     sink.close()
         return self.onboard.pipeline.phase
+
+    def _start_services(self) -> None:
+        loop = asyncio.get_running_loop()
+        for sink in self._sinks:
+            if isinstance(sink, LiveService):
+                sink.start(lambda message: _hand_over(loop, self._asked, message))
+
+    def _asked(self, message: OperatorCommand | PadBeacon | Health) -> None:
+        if isinstance(message, Health):
+            self._report(message)
+            return
+        self.onboard.receive(message, time.monotonic_ns())
+        self._flush()
 
     async def _until_over(self) -> None:
         started = False
@@ -263,6 +295,12 @@ def _capture_stamps(frame: CameraFrame, clock: str) -> tuple[int | None, int]:
     return None, frame.capture_ns
 
 
+def _hand_over(loop: asyncio.AbstractEventLoop, take: Callable[[Any], None], message: object) -> None:
+    """From another thread; what comes when all is over is dropped."""
+    with contextlib.suppress(RuntimeError):
+        loop.call_soon_threadsafe(take, message)
+
+
 async def _until(deadline_ns: int) -> None:
     """Sleep, then poll for the last millisecond, letting the loop do its work in between."""
     remaining_ns = deadline_ns - time.monotonic_ns()
@@ -354,7 +392,7 @@ def drive(
     """Run the live app with its recorder and view. `until` is a coroutine function that may stop it."""
     started = time.monotonic()
     sink = FolderSink(folder, config, {"title": title})
-    sinks: list[LiveSink] = [sink]
+    sinks: list[LiveSink] = [sink, *services_of(config, title=title, console=console)]
     with contextlib.ExitStack() as stack:
         if show:
             live = stack.enter_context(Live(console=console, auto_refresh=False))

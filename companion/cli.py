@@ -27,6 +27,10 @@ Settings = Annotated[
     typer.Option("--set", help="Override a key: --set control.position_gain_hz=1.5", metavar="KEY=VALUE"),
 ]
 
+Dashboard = Annotated[
+    bool, typer.Option("--dashboard", help="A page in the browser: camera, plan, health, hold and abort.")
+]
+
 
 @app.command()
 def demo(
@@ -46,6 +50,7 @@ def demo(
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="No view; end with one line of JSON.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="No live view.")] = False,
+    dashboard: Dashboard = False,
     runs: Annotated[Path, typer.Option(help="Where run folders are made.")] = Path("runs"),
     keep: Annotated[bool, typer.Option("--keep/--no-keep", help="Write the run folder.")] = True,
 ) -> None:
@@ -55,7 +60,9 @@ def demo(
     from sitl_stub.scenario import load as load_scenario
 
     name = scenario_option or scenario or "line"
-    loaded = _config(config, settings)
+    if dashboard and not udp:
+        _fail("--dashboard shows a flight in real time: give --udp too")
+    loaded = _with_page(_config(config, settings), dashboard)
     try:
         flown = with_overrides(load_scenario(name), _pairs(world, parse=True))
     except ScenarioError as error:
@@ -65,7 +72,10 @@ def demo(
     if udp:
         from companion.demo_udp import fly_demo_udp
 
-        figures = fly_demo_udp(name, _pairs(world), flown, loaded, options, console)
+        try:
+            figures = fly_demo_udp(name, _pairs(world), flown, loaded, options, console)
+        except ConfigError as error:
+            _fail(str(error))
     else:
         figures = fly_demo(flown, loaded, options, console)
     _print_result(figures, as_json, console)
@@ -90,13 +100,17 @@ def run(
     start: Annotated[bool, typer.Option("--start", help="Say START as soon as the vehicle is heard.")] = False,
     runs: Annotated[Path, typer.Option(help="Where run folders are made.")] = Path("runs"),
     quiet: Annotated[bool, typer.Option("--quiet", help="No live view.")] = False,
+    dashboard: Dashboard = False,
 ) -> None:
     """Fly: the app on a companion computer, or against a simulator."""
     from companion.app import run_live
 
-    raise typer.Exit(
-        run_live(_config(config, settings), start=start, runs=runs, show=not quiet and sys.stdout.isatty())
-    )
+    loaded = _with_page(_config(config, settings), dashboard)
+    try:
+        status = run_live(loaded, start=start, runs=runs, show=not quiet and sys.stdout.isatty())
+    except ConfigError as error:
+        _fail(str(error))
+    raise typer.Exit(status)
 
 
 @app.command()
@@ -246,6 +260,13 @@ def _config(files: list[Path] | None, settings: list[str] | None) -> Config:
         return load(files or [], _pairs(settings))
     except ConfigError as error:
         _fail(str(error))
+
+
+def _with_page(config: Config, wanted: bool) -> Config:
+    import msgspec
+
+    page = msgspec.structs.replace(config.dashboard, enabled=config.dashboard.enabled or wanted)
+    return msgspec.structs.replace(config, dashboard=page)
 
 
 def _pairs(settings: list[str] | None, *, parse: bool = False) -> dict[str, Any]:

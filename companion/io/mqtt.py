@@ -13,7 +13,7 @@ import ipaddress
 import ssl
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ import aiomqtt
 
 from companion import config
 from companion.config import ConfigError
-from companion.io.side_thread import SideThread
+from companion.io.side_thread import Ask, SideThread
 from companion.messages import Health, Message, OperatorCommand, PadBeacon
 from companion.onboard import JournalEntry
 from companion.telemetry.topics import (
@@ -41,9 +41,6 @@ FIRST_PAUSE_S = 0.2
 STEADY_S = 5.0
 """A connection that held so long starts with short pauses again."""
 GOODBYE_S = 1.0
-
-Ask = Callable[[OperatorCommand | PadBeacon | Health], None]
-"""Into the live app, from any thread."""
 
 
 class Outbox:

@@ -11,6 +11,11 @@ import threading
 from collections.abc import Callable, Coroutine
 from typing import Any
 
+from companion.messages import Health, OperatorCommand, PadBeacon
+
+Ask = Callable[[OperatorCommand | PadBeacon | Health], None]
+"""Into the live app, from any thread."""
+
 STOP_S = 3.0
 """How long the end of a run waits for a goodbye; then the thread is left behind (it is a daemon)."""
 
@@ -42,6 +47,12 @@ class SideThread:
         if self._task is not None:
             self.call(self._task.cancel)
             self._thread.join(STOP_S)
+
+    def join(self) -> bool:
+        """Wait for it to end by itself; whether it has."""
+        if self._task is not None:
+            self._thread.join(STOP_S)
+        return not self._thread.is_alive()
 
     def _run(self) -> None:
         with asyncio.Runner() as runner:
