@@ -73,10 +73,15 @@ def blur_plane(
         return
     x0, y0, x1, y1 = box
     paths = paths_px(projection, _grid_points(x0, y0, x1 - 1, y1 - 1), X_CS, twist, exposure_s)
-    if np.hypot(*paths.T).max() < _SHARP_PX:
+    longest = float(np.hypot(*paths.T).max())
+    if longest < _SHARP_PX:
         return
+    # What moves smears over its own edges.
+    reach = math.ceil(min(longest, _LONGEST_BLUR_PX) / 2.0)
+    x0, y0 = max(0, x0 - reach), max(0, y0 - reach)
+    x1, y1 = min(canvas.shape[1], x1 + reach), min(canvas.shape[0], y1 + reach)
     if np.ptp(paths, axis=0).max() < _UNIFORM_PX:
-        canvas[y0:y1, x0:x1] = _smeared(canvas, box, paths.mean(axis=0))
+        canvas[y0:y1, x0:x1] = _smeared(canvas, (x0, y0, x1, y1), paths.mean(axis=0))
         return
     sharp = canvas.copy()
     cells = [
