@@ -7,6 +7,7 @@ brackets, which may run over lines. Lens names: plumb_bob and rational_polynomia
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -96,6 +97,8 @@ def parse(text: str, origin: str) -> CameraInfo:
     K = _numbers(values, "camera_matrix.data", origin)
     if len(K) != 9:
         raise config.ConfigError(f"{origin}: camera_matrix.data has {len(K)} numbers, not 9")
+    if not (0.0 < K[0] < math.inf and 0.0 < K[4] < math.inf):
+        raise config.ConfigError(f"{origin}: camera_matrix.data: focal lengths {K[0]:g} and {K[4]:g} must be positive")
     ros_model = _text(values, "distortion_model", origin)
     if ros_model not in _MODELS:
         known = ", ".join(sorted(_MODELS))

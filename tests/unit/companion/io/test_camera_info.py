@@ -91,3 +91,29 @@ def test_what_is_wrong_is_named_with_the_file(old: str, new: str, text: str) -> 
 def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
     with pytest.raises(config.ConfigError, match=r"missing\.yaml"):
         camera_info.read(tmp_path / "missing.yaml")
+
+
+def test_a_focal_length_that_no_lens_has_is_refused() -> None:
+    with pytest.raises(config.ConfigError, match="must be positive"):
+        camera_info.parse(ROS_FILE.replace("422.27", "-1"), "front.yaml")
+
+
+def test_loading_a_configuration_takes_the_lens_from_the_file_beside_it(tmp_path: Path) -> None:
+    (tmp_path / "down.yaml").write_text(ROS_FILE, encoding="utf-8")
+    file = tmp_path / "my.toml"
+    file.write_text('[cameras.down]\ncalibration_file = "down.yaml"\nfx_px = 1.0\n', encoding="utf-8")
+    camera = config.load([file]).cameras["down"]
+    assert (camera.fx_px, camera.width_px, camera.distortion[0]) == (422.27, 848, 0.0028)
+
+
+@pytest.mark.parametrize(("content", "says"), [(None, "cannot be read"), ("a: b", "is missing")])
+def test_a_bad_calibration_file_is_a_configuration_error_that_names_the_camera_and_the_file(
+    tmp_path: Path, content: str | None, says: str
+) -> None:
+    path = tmp_path / "down.yaml"
+    if content is not None:
+        path.write_text(content, encoding="utf-8")
+    with pytest.raises(config.ConfigError, match=says) as raised:
+        config.load([], {"cameras.down.calibration_file": str(path)})
+    assert "[cameras.down] calibration_file" in str(raised.value)
+    assert str(path) in str(raised.value)

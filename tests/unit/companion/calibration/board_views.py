@@ -1,0 +1,61 @@
+"""Views of a board by a known lens, exact or rendered; independent of the code under test but for the lens models."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import cv2
+import numpy as np
+
+from companion.calibration.board import Board, BoardView
+
+PX_PER_M = 4000.0
+
+
+def poses(count: int, seed: int, *, spread: float = 0.35, distance_m: tuple[float, float] = (0.25, 0.6)) -> list[Any]:
+    """(R_CBoard, p_CBoard) that look at the board from all sides."""
+    rng = np.random.default_rng(seed)
+    found = []
+    for index in range(count):
+        distance = rng.uniform(*distance_m)
+        tilt = np.radians(rng.uniform(10.0, 35.0)) if index % 4 else 0.0
+        axis = rng.uniform(-np.pi, np.pi)
+        R = cv2.Rodrigues(tilt * np.array([np.cos(axis), np.sin(axis), 0.0]))[0]
+        middle = np.array(
+            [rng.uniform(-spread, spread) * distance, 0.7 * rng.uniform(-spread, spread) * distance, distance]
+        )
+        sight = middle / np.linalg.norm(middle)
+        across = np.cross([0.0, 0.0, 1.0], sight)
+        turn = across / max(float(np.linalg.norm(across)), 1e-9) * np.arccos(sight[2])
+        R = cv2.Rodrigues(turn)[0] @ R  # the board faces the camera, wherever it is held
+        found.append((R, middle - R @ np.array([0.12, 0.09, 0.0])))
+    return found
+
+
+def exact_view(board: Board, lens: Any, R: Any, p: Any, rng: Any, noise_px: float) -> BoardView:
+    """Inner corners that fall into the image, with noise."""
+    grid = [
+        (c * board.square_m, r * board.square_m, 0.0) for r in range(1, board.rows) for c in range(1, board.columns)
+    ]
+    points = np.array(grid)
+    pixels = lens.project(points @ R.T + p)
+    inside = (
+        (pixels[:, 0] >= 0) & (pixels[:, 0] < lens.width_px) & (pixels[:, 1] >= 0) & (pixels[:, 1] < lens.height_px)
+    )
+    pixels = pixels + rng.normal(0.0, noise_px, pixels.shape)
+    return BoardView(points[inside], pixels[inside])
+
+
+def rendered(texture: Any, lens: Any, R: Any, p: Any, rng: Any) -> Any:
+    """Grey picture of the printed board (PX_PER_M, origin at its corner) on grey."""
+    over = 2
+    x, y = np.meshgrid(np.arange(lens.width_px * over), np.arange(lens.height_px * over))
+    pixels = (np.stack((x.ravel(), y.ravel()), 1) + 0.5) / over - 0.5
+    rays = lens.ray(pixels)
+    normal = R[:, 2]
+    reach = (p @ normal) / (rays @ normal)
+    on_board = (rays * reach[:, None] - p) @ R
+    maps = [(on_board[:, k] * PX_PER_M - 0.5).reshape(x.shape).astype(np.float32) for k in (0, 1)]
+    big = cv2.remap(texture, maps[0], maps[1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=200)
+    image = cv2.resize(big, (lens.width_px, lens.height_px), interpolation=cv2.INTER_AREA).astype(np.float32)
+    return np.clip(image + rng.normal(0.0, 2.0, image.shape), 0, 255).astype(np.uint8)
