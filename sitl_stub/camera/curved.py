@@ -31,6 +31,7 @@ _SURFACE_STEP_PX = 4
 _GROUND_TILE_PX = 160
 _SMALLEST_TILE_PX = 40
 _EDGE_TEXELS = 2.5
+_LEVELS_APART = 2
 _GRAZING_SINE = 0.012
 """Rays flatter than 0.7 degrees above the ground see haze, and no plane is followed farther than that."""
 
@@ -165,17 +166,17 @@ class CurvedPainter:
         return (x0, y0, x1, y1) if x0 < x1 and y0 < y1 else None
 
     def _remap_ground(self, canvas: Image, ground: Ground, texels: Floats, density: Floats, box: Box) -> None:
-        """Draw a tile of the frame; one that looks too far to lie in a repeated level (near the horizon) in quarters."""
+        """Draw a tile of the frame; one that looks far and near (towards the horizon) in quarters."""
         x0, y0, x1, y1 = box
         step = self.coarse.step_px
         part = (slice(y0 // step, math.ceil(y1 / step) + 2), slice(x0 // step, math.ceil(x1 / step) + 2))
-        level = ground.level_for(float(np.median(density[part])))
+        level, is_even = _level_of_tile(ground, density[part])
         scale = 0.5**level
         tile_px = TILE_PX >> level
         nodes = texels[part] * scale + (0.5 * scale - 0.5)
         nodes = nodes - np.floor(nodes.min(axis=(0, 1)) / tile_px) * tile_px
         fits = bool(nodes.max() < ground.repeated[level].shape[0] - 1)
-        if not fits and max(x1 - x0, y1 - y0) > _SMALLEST_TILE_PX:
+        if not (fits and is_even) and max(x1 - x0, y1 - y0) > _SMALLEST_TILE_PX:
             for quarter in _quarters(box, step):
                 self._remap_ground(canvas, ground, texels, density, quarter)
             return
@@ -222,6 +223,16 @@ def _density(texels: Floats, step_px: int) -> Floats:
     longest = np.sqrt((square + np.sqrt(np.maximum(square**2 - 4.0 * area**2, 0.0))) / 2.0)
     density: Floats = np.maximum(np.sqrt(area), longest / 1.4)
     return density
+
+
+def _level_of_tile(ground: Ground, density: Floats) -> tuple[int, bool]:
+    """The middle of the levels that the corners and the centre of a tile ask for, and whether one level serves them all."""
+    rows, columns = density.shape
+    asked = sorted(
+        ground.level_for(float(density[row, column]))
+        for row, column in ((1, 1), (1, columns - 2), (rows // 2, columns // 2), (rows - 2, 1), (rows - 2, columns - 2))
+    )
+    return asked[2], asked[-1] - asked[0] <= _LEVELS_APART
 
 
 def _density_inside(texels: Floats, step_px: int, rows: int, columns: int) -> float:
