@@ -59,6 +59,7 @@ from companion.vision.lens import from_config
 PAIR_WITHIN_NS = 50_000_000
 PAD_PERIOD_NS = 200_000_000
 PAD_SIGMA_M = 0.3
+BLIND_PERIOD_NS = 100_000_000
 LONGEST_TICKED_NS = 10_000_000_000
 DETECTIONS = (PadObservation, PadBearing, PadNotSeen)
 
@@ -301,7 +302,8 @@ def _state_in(log: LogInputs, config: Config, options: ReplayOptions) -> ReplayR
     figures = Figures(start_ns)
     if inputs:
         period_ns = round(1e9 / config.control.rate_hz)
-        timed = merge(inputs, _ticks(inputs, period_ns), _still_pad(inputs, options.pad_ned_m), key=_at)
+        blind = () if options.frames else _blind_camera(inputs, config)
+        timed = merge(inputs, _ticks(inputs, period_ns), _still_pad(inputs, options.pad_ned_m), blind, key=_at)
         run_through(_with_starts(timed), config, figures, _shifted(options.frames, start_ns))
     summary = {**figures.summary(), **setpoint_differences(log.setpoints, figures.setpoints)}
     summary["setpoints_in_log"] = len(log.setpoints)
@@ -331,6 +333,12 @@ def _still_pad(inputs: Sequence[tuple[int, Input]], position: Vec3 | None) -> It
         return
     for t_ns in range(inputs[0][0], inputs[-1][0], PAD_PERIOD_NS):
         yield t_ns, PadBeacon(t_ns, "replay", position, (0.0, 0.0, 0.0), None, PAD_SIGMA_M)
+
+
+def _blind_camera(inputs: Sequence[tuple[int, Input]], config: Config) -> Iterator[tuple[int, Input]]:
+    """A log without frames is replayed as one with a camera that sees nothing: without any frame no START is obeyed."""
+    for t_ns in range(inputs[0][0], inputs[-1][0], BLIND_PERIOD_NS):
+        yield t_ns, PadNotSeen(t_ns, config.vision.camera, "replay", "no frames in this log")
 
 
 def _with_starts(timed: Iterable[tuple[int, Input]]) -> Iterator[tuple[int, Input]]:

@@ -7,6 +7,7 @@ stamp, and the frame is left out and counted. Times are ns of the log's clock.
 
 from __future__ import annotations
 
+import io
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -163,7 +164,9 @@ def read_ulog(path: Path, topics: tuple[str, ...] | None = None) -> Any:
     except ImportError as error:
         raise LogInputsError("reading .ulg needs pyulog: pip install 'companion[ulog]'") from error
     try:
-        return ULog(str(path), None if topics is None else list(topics))  # type: ignore[no-untyped-call]
+        return ULog(io.BytesIO(path.read_bytes()), None if topics is None else list(topics))  # type: ignore[no-untyped-call]
+    except OSError as error:
+        raise LogInputsError(f"{path}: cannot be read: {error.strerror}") from error
     except Exception as error:  # pyulog raises anything from struct.error to KeyError on damaged files
         raise LogInputsError(f"{path}: pyulog cannot read it: {type(error).__name__}: {error}") from error
 

@@ -84,14 +84,15 @@ def _read_tlog(path: Path) -> LogContent:
 
 
 def _extent_us(log: TlogColumns) -> tuple[int, int]:
-    """First and last time; the middle 99.8 % decide where a damaged stamp stands far out."""
+    """First and last time; the middle 98 % say which damaged stamps stand far out."""
     stamps = [log[name].t_us for name in log]
     if not stamps:
         return 0, 0
     t_us = np.sort(np.concatenate(stamps))
-    spare = len(t_us) // 1000
+    spare = len(t_us) // 100
     low, high = int(t_us[spare]), int(t_us[-1 - spare])
-    near = t_us[(t_us >= low - 60_000_000) & (t_us <= high + 60_000_000)]
+    margin = 60_000_000 + (high - low) // 30
+    near = t_us[(t_us >= low - margin) & (t_us <= high + margin)]
     return int(near[0]), int(near[-1])
 
 
