@@ -5,76 +5,35 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
+from mission_samples import FACTS, PAD, STANDING
 
 from companion.config import Mission, Safety
 from companion.messages import (
     AutopilotMode,
     CommandKind,
+    Health,
     LandedState,
     OperatorAction,
-    PadEstimate,
     Phase,
     VehicleStatus,
 )
-from companion.mission.facts import Facts
+from companion.mission.contact import Contact
 from companion.mission.guards import GUARDS
 from companion.mission.machine import Machine
 from companion.mission.phases import OFFBOARD_PHASES, TABLE, Event
-from companion.mission.touchdown import NO_EVIDENCE, TouchdownEvidence
+from companion.mission.touchdown import NO_EVIDENCE
 
 DT_S = 0.02
-STATUS = VehicleStatus(
-    t_ns=0,
-    connected=True,
-    armed=True,
-    mode=AutopilotMode.HOLD,
-    intended_mode=AutopilotMode.HOLD,
-    landed_state=LandedState.IN_AIR,
-    failsafe=False,
-    ready_to_arm=True,
-    battery_fraction=0.8,
-    home_position_ned_m=None,
-    link_age_s=0.1,
-)
-PAD = PadEstimate(
-    t_ns=0,
-    position_ned_m=(0.0, 0.0, 0.0),
-    velocity_ned_m_s=(1.0, 0.0, 0.0),
-    acceleration_ned_m_s2=(0.0, 0.0, 0.0),
-    yaw_rad=0.0,
-    yaw_rate_rad_s=0.0,
-    covariance=tuple(tuple(0.01 if i == j else 0.0 for j in range(6)) for i in range(6)),
-    vision_age_s=0.05,
-    beacon_age_s=0.2,
-    model="test",
-)
-FACTS = Facts(
-    t_ns=0,
-    status=STATUS,
-    mode_age_s=0.1,
-    state_age_s=0.02,
-    distance_from_start_m=5.0,
-    height_above_start_m=1.0,
-    tilt_rad=0.0,
-    pad=None,
-    relative_position_m=None,
-    relative_velocity_m_s=None,
-    touchdown=NO_EVIDENCE,
-    no_plan_reason=None,
-    operator=None,
-    refused=None,
-    frame_age_s=0.03,
-)
-STANDING = TouchdownEvidence(suspected=True, airborne=False, proven_for_s=1.0, signs=("range 0.15 m", "thrust low"))
 
 
 class Flight:
     """Feeds one machine, 20 ms at a time."""
 
-    def __init__(self) -> None:
-        self.machine = Machine(Mission(), Safety())
+    def __init__(self, mission: Mission | None = None, *, safety: Safety | None = None) -> None:
+        self.machine = Machine(mission or Mission(), safety or Safety())
         self.facts = FACTS
         self.commands: list[CommandKind] = []
+        self.health: list[Health] = []
 
     def tick(self, seconds: float = DT_S, **changes: object) -> Phase:
         self.facts = replace(self.facts, **changes)  # type: ignore[arg-type]
@@ -82,6 +41,7 @@ class Flight:
             self.facts = replace(self.facts, t_ns=self.facts.t_ns + round(DT_S * 1e9))
             step = self.machine.step(self.facts, dt_s=DT_S)
             self.commands += [command.kind for command in step.commands]
+            self.health += step.health
             self.facts = replace(self.facts, operator=None)
         return self.machine.phase
 
@@ -225,3 +185,127 @@ def test_commit_waits_until_miss_speed_and_tilt_fit() -> None:
 def test_low_battery_returns() -> None:
     flight = Flight().to(Phase.FOLLOW)
     assert flight.tick(status=flight.status(battery_fraction=0.1)) is Phase.RETURN
+
+
+def test_a_start_that_cannot_be_obeyed_waits_and_says_for_what() -> None:
+    flight = Flight()
+    assert flight.tick(operator=OperatorAction.START, frame_age_s=None) is Phase.IDLE
+    assert flight.machine.note == "START waits: no camera frames"
+    assert flight.tick(frame_age_s=0.03) is Phase.ENGAGE
+
+
+def test_a_start_that_cannot_be_obeyed_in_time_is_refused_with_its_reasons_and_stays_refused() -> None:
+    flight = Flight()
+    flight.tick(5.1, operator=OperatorAction.START, status=flight.status(battery_fraction=0.1), state_age_s=2.0)
+    assert flight.machine.note.startswith("START refused: ")
+    assert "2.0 s old" in flight.machine.note
+    assert "battery 10%" in flight.machine.note
+    assert [(h.subject, h.level) for h in flight.health] == [("start", 1), ("start", 2)]
+    assert flight.tick(1.0, status=flight.status(battery_fraction=0.9), state_age_s=0.02) is Phase.IDLE
+    assert flight.commands == []
+
+
+def test_a_waiting_start_is_taken_back_by_hold() -> None:
+    flight = Flight()
+    flight.tick(operator=OperatorAction.START, frame_age_s=None)
+    flight.tick(operator=OperatorAction.HOLD)
+    assert flight.tick(1.0, frame_age_s=0.03) is Phase.IDLE
+
+
+def test_a_start_on_the_ground_needs_an_autopilot_that_is_ready_to_arm() -> None:
+    flight = Flight()
+    on_ground = flight.status(armed=False, landed_state=LandedState.ON_GROUND, ready_to_arm=False)
+    assert flight.tick(operator=OperatorAction.START, status=on_ground) is Phase.IDLE
+    assert "not ready to arm" in flight.machine.note
+    assert flight.tick(status=replace(on_ground, ready_to_arm=True)) is Phase.TAKEOFF
+
+
+def test_a_pilot_who_takes_over_while_offboard_is_being_asked_for_has_the_vehicle() -> None:
+    flight = Flight().to(Phase.ENGAGE)
+    flight.tick(1.0)
+    assert flight.tick(status=flight.status(mode=AutopilotMode.POSITION)) is Phase.IDLE
+
+
+def test_a_pilot_who_takes_over_from_hold_ends_our_part_so_that_nothing_is_asked_again() -> None:
+    flight = Flight().to(Phase.FOLLOW)
+    flight.tick(operator=OperatorAction.HOLD)
+    assert flight.tick(0.1) is Phase.HOLD, "OFFBOARD until the autopilot has answered"
+    assert flight.tick(status=flight.status(mode=AutopilotMode.HOLD)) is Phase.HOLD
+    assert flight.tick(status=flight.status(mode=AutopilotMode.ALTITUDE)) is Phase.IDLE
+
+
+@pytest.mark.parametrize(
+    "phase", [Phase.ENGAGE, Phase.SEARCH, Phase.FOLLOW, Phase.DESCEND, Phase.COMMIT, Phase.TOUCHDOWN]
+)
+@pytest.mark.parametrize("what", [{"state_age_s": 1.1}, {"mode_age_s": 1.1}, {"tick_gap_s": 1.1}], ids=str)
+def test_a_silence_that_makes_the_autopilot_act_by_itself_is_final(phase: Phase, what: dict[str, float]) -> None:
+    flight = Flight().to(phase)
+    assert flight.tick(**what) is Phase.IDLE
+    assert flight.tick(5.0, state_age_s=0.02, mode_age_s=0.1, tick_gap_s=0.02) is Phase.IDLE
+
+
+def test_a_search_without_result_ends_as_configured() -> None:
+    for action, phase in (("hold", Phase.HOLD), ("return", Phase.RETURN)):
+        flight = Flight(Mission(search_time_s=2.0, lost_action=action)).to(Phase.SEARCH)
+        assert flight.tick(2.1) is phase
+
+
+def test_the_pad_in_a_no_land_zone_is_followed_and_not_landed_on() -> None:
+    flight = Flight().to(Phase.FOLLOW)
+    near = {"relative_position_m": (0.1, 0.0, -5.0), "relative_velocity_m_s": (0.0, 0.1, 0.0)}
+    assert flight.tick(5.0, no_land_zone="lock", **near) is Phase.FOLLOW
+    assert flight.tick(no_land_zone=None) is Phase.DESCEND
+    assert flight.tick(no_land_zone="lock") is Phase.GO_AROUND
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"relative_position_m": (0.8, 0.0, -0.7)}, {"pad": replace(PAD, vision_age_s=2.6)}],
+    ids=["beside the deck", "pad hidden"],
+)
+def test_over_water_the_last_metre_is_flown_over_the_seen_deck_only(changes: dict[str, object]) -> None:
+    low: dict[str, object] = {"relative_position_m": (0.1, 0.0, -0.7), "relative_velocity_m_s": (0.9, 0.0, 0.0)}
+    flight = Flight(safety=Safety(only_the_pad_is_land=True)).to(Phase.DESCEND)
+    assert flight.tick(**low) is Phase.DESCEND
+    assert flight.tick(**changes) is Phase.GO_AROUND
+    assert "water" in flight.machine.note
+
+
+def test_a_no_fly_zone_and_the_fence_end_in_hold() -> None:
+    assert Flight().to(Phase.APPROACH).tick(no_fly_zone="mast") is Phase.HOLD
+    assert Flight().to(Phase.APPROACH).tick(distance_from_start_m=501.0) is Phase.HOLD
+    assert Flight().to(Phase.APPROACH).tick(height_above_start_m=61.0) is Phase.HOLD
+
+
+def test_too_long_a_flight_returns() -> None:
+    assert Flight(safety=Safety(max_flight_time_s=3.0)).to(Phase.FOLLOW).tick(3.0) is Phase.RETURN
+
+
+def test_the_commit_waits_for_the_deck() -> None:
+    flight = Flight().to(Phase.DESCEND)
+    steady = Contact(in_s=0.5, miss_m=0.1, deck_tilt_rad=0.0, deck_climb_m_s=0.0)
+    low = (0.1, 0.0, -0.5)
+    assert flight.tick(relative_position_m=low, contact=replace(steady, deck_climb_m_s=0.9)) is Phase.DESCEND
+    assert flight.tick(contact=replace(steady, deck_climb_m_s=-0.9)) is Phase.DESCEND
+    assert flight.tick(contact=replace(steady, deck_tilt_rad=0.2)) is Phase.DESCEND
+    assert flight.tick(contact=replace(steady, miss_m=0.5)) is Phase.DESCEND
+    assert flight.tick(contact=steady) is Phase.COMMIT
+    assert flight.tick(contact=replace(steady, deck_tilt_rad=0.3)) is Phase.GO_AROUND
+
+
+def test_go_arounds_are_counted_anew_only_at_a_new_start() -> None:
+    flight = Flight().to(Phase.DESCEND)
+    flight.tick(operator=OperatorAction.GO_AROUND)
+    flight.tick(operator=OperatorAction.HOLD)
+    flight.tick(status=flight.status(mode=AutopilotMode.HOLD))
+    assert flight.machine.go_arounds == 1
+    flight.tick(operator=OperatorAction.START)
+    assert flight.machine.phase is Phase.ENGAGE
+    assert flight.machine.go_arounds == 0
+
+
+def test_no_disarm_on_evidence_about_a_state_of_long_ago() -> None:
+    flight = Flight().to(Phase.TOUCHDOWN)
+    flight.commands.clear()
+    flight.tick(0.5, state_age_s=0.5)
+    assert flight.commands == []
