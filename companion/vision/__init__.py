@@ -7,11 +7,17 @@ from collections.abc import Callable
 from companion import config
 from companion.vision.aruco import ArucoDetector
 from companion.vision.camera_model import CameraModel
+from companion.vision.colour import ColourDetector
+from companion.vision.cross import CrossDetector
 from companion.vision.detector import Detection, DetectionHint, Detector
 from companion.vision.lens import CAMERA_MODELS
+from companion.vision.vertical import vertical_detector
 
 DETECTORS: dict[str, Callable[[config.Vision, config.Pad, CameraModel], Detector]] = {
     "aruco": ArucoDetector,
+    "colour": ColourDetector,
+    "cross": CrossDetector,
+    "vertical": vertical_detector,
 }
 """Name in `[vision] detector` to the factory (vision, pad, lens)."""
 

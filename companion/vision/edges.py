@@ -35,7 +35,7 @@ def refined(image: Image, quads: Array, *, reach_px: Array, camera: CameraModel 
     along = np.roll(quads, -1, axis=1) - quads
     feet = quads[:, :, None, :] + along[:, :, None, :] * _FRACTIONS[None, None, :, None]
     outward = _left_of(along)[:, :, None, :]
-    weight, place = _edge_places(image, feet, outward, _offsets(reach_px))
+    weight, place = edge_places(image, feet, outward, offsets_within(reach_px))
     lines, fitted = _lines(feet + outward * place[..., None], weight, 0.05, _scatter_limit(reach_px))
     return _accepted(quads, _intersections(lines), fitted, reach_px)
 
@@ -48,7 +48,7 @@ def _refined_bent(image: Image, quads: Array, reach_px: Array, camera: CameraMod
     on_chord = rays[:, :, None, :] + chord[:, :, None, :] * _FRACTIONS[None, None, :, None]
     feet = camera.project(on_chord.reshape(-1, 3)).reshape(M, 4, SAMPLES, 2)
     outward = _left_of(np.gradient(feet, axis=2))
-    weight, place = _edge_places(image, feet, outward, _offsets(reach_px))
+    weight, place = edge_places(image, feet, outward, offsets_within(reach_px))
     seen = camera.ray((feet + outward * place[..., None]).reshape(-1, 2)).reshape(M, -1, 3)
     R_VC = np.stack([looking_at(middle) for middle in rays.mean(axis=1)])
     seen_V = np.einsum("mij,mnj->mni", R_VC, seen)
@@ -84,13 +84,17 @@ _STEPS: Array = np.arange(-6, 7) / 6.0
 _FRACTIONS: Array = np.linspace(_TRIM, 1.0 - _TRIM, SAMPLES)
 
 
-def _offsets(reach_px: Array) -> Array:
+def offsets_within(reach_px: Array) -> Array:
     """(M, K) signed distances along the normal."""
     return np.asarray(reach_px[:, None] * _STEPS[None, :])
 
 
-def _edge_places(image: Image, feet: Array, outward: Array, offsets: Array) -> tuple[Array, Array]:
-    """Weight and offset (M, 4, S) of the edge on each cross-section."""
+def edge_places(image: Image, feet: Array, outward: Array, offsets: Array) -> tuple[Array, Array]:
+    """Weight (the sum of squared gradients) and offset (px along the normal) of the edge on each cross-section, (M, E, S).
+
+    `feet` (M, E, S, 2) and unit `outward` (broadcast to it) span the cross-sections, `offsets` (M, K) the samples on them;
+    only gradients that brighten outwards count.
+    """
     M, edges, S, _ = feet.shape
     K = offsets.shape[1]
     at = feet[:, :, :, None, :] + outward[:, :, :, None, :] * offsets[:, None, None, :, None]

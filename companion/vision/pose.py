@@ -86,6 +86,13 @@ def reprojected(points_P: Array, pose: PlanarPose, camera: CameraModel) -> Array
     return camera.project(points_P @ R.T + np.array(pose.position_m))
 
 
+def on_plane(pixels: Array, pose: PlanarPose, camera: CameraModel) -> Array:
+    """(N, 3) points of the plane z = 0 of P that the pixels look at."""
+    R = np.array(matrix_from_quaternion(pose.q))
+    rays_P, eye_P = camera.ray(pixels) @ R, -np.array(pose.position_m) @ R
+    return np.asarray(eye_P - rays_P * (eye_P[2] / rays_P[:, 2])[:, None])
+
+
 def _are_coplanar(points_P: Array) -> bool:
     return len(points_P) <= 4 or float(np.ptp(points_P, axis=0).min()) == 0.0
 

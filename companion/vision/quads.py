@@ -37,6 +37,32 @@ def dark_quads(
     `window_px` (odd) is the neighbourhood of the local mean, `contrast` how much darker than it a pixel must be, `limit`
     how many candidates are looked at.
     """
+    labels, stats, numbers = _labelled(
+        grey, window_px, contrast, min_side_px=min_side_px, max_side_px=max_side_px, limit=limit
+    )
+    return _outlined(labels, stats[numbers], numbers)
+
+
+def dark_regions(grey: Image, *, window_px: int, contrast: float, min_side_px: float, limit: int) -> list[Array]:
+    """Outer contours (N, 2) of the dark regions of best contrast, whatever their shape; N at least 12."""
+    labels, stats, numbers = _labelled(
+        grey, window_px, contrast, min_side_px=min_side_px, max_side_px=float(max(grey.shape)), limit=limit
+    )
+    contours = []
+    for number in numbers:
+        left, top, width, height = (int(value) for value in stats[number, :4])
+        part = np.asarray(labels[top : top + height, left : left + width] == number, dtype=np.uint8)
+        found, _ = cv2.findContours(part, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+        contour = max(found, key=len).reshape(-1, 2)
+        if len(contour) >= 12:
+            contours.append(np.asarray(contour + (left, top), dtype=np.float64))
+    return contours
+
+
+def _labelled(
+    grey: Image, window_px: int, contrast: float, *, min_side_px: float, max_side_px: float, limit: int
+) -> tuple[Labels, Stats, npt.NDArray[np.int64]]:
+    """Label image, statistics, and the labels of plausible size, best contrast first where there are too many."""
     mean = cv2.blur(grey, (window_px, window_px))
     darkness = np.asarray(cv2.subtract(mean, grey), dtype=np.uint8)
     _, dark = cv2.threshold(darkness, contrast, 255, cv2.THRESH_BINARY)
@@ -45,7 +71,7 @@ def dark_quads(
     numbers = _plausible(stats, min_side_px, max_side_px)
     if len(numbers) > limit:
         numbers = _strongest(darkness, stats, numbers, limit)
-    return _outlined(labels, stats[numbers], numbers)
+    return labels, stats, numbers
 
 
 def _plausible(stats: Stats, min_side_px: float, max_side_px: float) -> npt.NDArray[np.int64]:

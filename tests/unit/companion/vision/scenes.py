@@ -122,3 +122,14 @@ def looking_down(yaw_rad: float = 0.0, tilt_x_rad: float = 0.0, tilt_y_rad: floa
 
 def camera_matrix(f: float = 420.0, cx: float = 375.5, cy: float = 239.5) -> npt.NDArray[np.float64]:
     return np.array([[f, 0.0, cx], [0.0, f, cy], [0.0, 0.0, 1.0]])
+
+
+def cross_texture(size_m: float = 1.2, deck_m: float = 1.5) -> Image:
+    """Circle and cross on a white deck: ring 0.1 wide, cross spanning 0.6 with bars 0.15 wide, in outer diameters."""
+    side, px = round(deck_m * PX_PER_M), size_m * PX_PER_M
+    down, right = np.mgrid[0:side, 0:side] - (side - 1) / 2.0
+    radius = np.hypot(down, right)
+    ring = (radius <= 0.5 * px) & (radius >= 0.4 * px)
+    bars = (np.abs(down) <= 0.075 * px) & (np.abs(right) <= 0.3 * px)
+    bars |= (np.abs(right) <= 0.075 * px) & (np.abs(down) <= 0.3 * px)
+    return np.where(ring | bars, 25, 230).astype(np.uint8)
