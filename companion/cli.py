@@ -10,6 +10,7 @@ from typing import Annotated, Any, NoReturn
 import typer
 from rich.console import Console
 
+from companion.calibration.cli import calibrate
 from companion.config import Config, ConfigError, load, parse_value
 
 app = typer.Typer(
@@ -193,6 +194,7 @@ def _vector(text: str) -> tuple[float, float, float]:
 
 log_app = typer.Typer(help="Look into a log: .tlog, .mcap or .ulg.", no_args_is_help=True)
 app.add_typer(log_app, name="log")
+app.add_typer(calibrate, name="calibrate")
 
 
 @log_app.command("info")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from typing import Any
 
 import cv2
@@ -10,6 +11,7 @@ import numpy as np
 from companion.calibration.board import Board, BoardView
 
 PX_PER_M = 4000.0
+OVER = 2
 
 
 def poses(count: int, seed: int, *, spread: float = 0.35, distance_m: tuple[float, float] = (0.25, 0.6)) -> list[Any]:
@@ -46,16 +48,20 @@ def exact_view(board: Board, lens: Any, R: Any, p: Any, rng: Any, noise_px: floa
     return BoardView(points[inside], pixels[inside])
 
 
+@functools.cache
+def _fine_rays(lens: Any) -> Any:
+    """A direction for every quarter of a pixel, row by row."""
+    x, y = np.meshgrid(np.arange(lens.width_px * OVER), np.arange(lens.height_px * OVER))
+    return lens.ray((np.stack((x.ravel(), y.ravel()), 1) + 0.5) / OVER - 0.5)
+
+
 def rendered(texture: Any, lens: Any, R: Any, p: Any, rng: Any) -> Any:
     """Grey picture of the printed board (PX_PER_M, origin at its corner) on grey."""
-    over = 2
-    x, y = np.meshgrid(np.arange(lens.width_px * over), np.arange(lens.height_px * over))
-    pixels = (np.stack((x.ravel(), y.ravel()), 1) + 0.5) / over - 0.5
-    rays = lens.ray(pixels)
+    rays = _fine_rays(lens)
     normal = R[:, 2]
     reach = (p @ normal) / (rays @ normal)
     on_board = (rays * reach[:, None] - p) @ R
-    maps = [(on_board[:, k] * PX_PER_M - 0.5).reshape(x.shape).astype(np.float32) for k in (0, 1)]
+    maps = [(on_board[:, k] * PX_PER_M - 0.5).reshape(OVER * lens.height_px, -1).astype(np.float32) for k in (0, 1)]
     big = cv2.remap(texture, maps[0], maps[1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=200)
     image = cv2.resize(big, (lens.width_px, lens.height_px), interpolation=cv2.INTER_AREA).astype(np.float32)
     return np.clip(image + rng.normal(0.0, 2.0, image.shape), 0, 255).astype(np.uint8)
