@@ -34,10 +34,14 @@ h1{font-size:22px;margin:0 0 4px}h2{font-size:16px;margin:26px 0 8px}
 .grid2{display:grid;grid-template-columns:1fr 1fr;gap:16px}@media(max-width:900px){.grid2{grid-template-columns:1fr}}
 svg{width:100%;height:auto;background:#fff;border:1px solid #e2e8f0;border-radius:8px}
 svg text{font:11px system-ui,sans-serif;fill:#475569}svg .title{font-weight:600;font-size:13px;fill:#0f172a}
-svg .legend{fill:currentColor;font-weight:600}svg .band{fill:#64748b;font-size:10px}svg .grid{stroke:#e2e8f0;stroke-width:1}
+svg .legend{font-weight:600}svg .band{fill:#64748b;font-size:10px}svg .grid{stroke:#e2e8f0;stroke-width:1}
 table{border-collapse:collapse;font-size:14px}td,th{padding:3px 14px 3px 0;text-align:left;vertical-align:top}
 th{color:#64748b;font-weight:500}code{font-size:13px}
 """
+
+SVG_STYLE = (
+    "text{fill:#475569}.title{font-weight:600}.legend{font-weight:600}.band{font-size:10px}.grid{stroke:#e2e8f0}"
+)
 
 
 def report_html(record: FlightRecord, figures: Mapping[str, Any], *, title: str, line: str) -> str:
@@ -171,3 +175,17 @@ def _figure_table(figures: Mapping[str, Any]) -> str:
         if not isinstance(value, Mapping)
     )
     return f"<table>{rows}</table>"
+
+
+def picture(record: FlightRecord) -> str:
+    """Plan and side view beside each other as one SVG file."""
+    charts = (_plan_view(record), _side_view(record))
+    inner = "".join(
+        f'<svg x="{index * 570}" y="0" width="560" height="300" viewBox="0 0 560 300">{svg(chart)}</svg>'
+        for index, chart in enumerate(charts)
+    )
+    style = SVG_STYLE + "text{font:11px sans-serif}.title{font-size:13px}"
+    return (
+        '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 1130 300" width="1130" height="300">'
+        f'<style>{style}</style><rect width="1130" height="300" fill="#fff"/>{inner}</svg>\n'
+    )

@@ -162,7 +162,7 @@ def _legend(chart: Chart) -> str:
     parts, at = [], chart.width - MARGIN_RIGHT
     for line in reversed([line for line in chart.lines if line.name]):
         parts.append(
-            f'<text class="legend" x="{at:.0f}" y="16" text-anchor="end" fill="{line.colour}">{escape(line.name)}</text>'
+            f'<text class="legend" x="{at:.0f}" y="16" text-anchor="end" style="fill:{line.colour}">{escape(line.name)}</text>'
         )
         at -= 6.6 * len(line.name) + 14.0
     return "".join(parts)
