@@ -20,7 +20,7 @@ _MARGIN = 1.05
 """Between the corners of a tile a curved edge may bulge; this is more than it does."""
 
 _LOW_RAY = 0.05
-_WORTH_IT = 0.3
+_WORTH_IT = 0.7
 """Each box costs a little; a small deck is better painted over."""
 
 

@@ -25,6 +25,8 @@ from sitl_stub.camera.scene import Surface
 
 _TILE_PX = (94, 40)
 _EDGE_ON_M = 1e-3
+_EVERY_SECOND: Floats = np.array([[2.0, 0.0, 0.5], [0.0, 2.0, 0.5], [0.0, 0.0, 1.0]])
+"""Pixels of a picture of half the size to those of the full one, the way cv2.resize enlarges."""
 _HAZE_SINE = 0.012
 """Ground seen under less than 0.7 degrees is one colour."""
 
@@ -171,17 +173,31 @@ def _ground_level(M: Floats, ground: Ground, x: float, y: float) -> int:
 
 
 def _warp_ground(canvas: Image, ground: Ground, level: int, M: Floats, box: Box) -> None:
+    """Where a pixel spans less than a texel there is nothing to see between two pixels: then every second one is drawn, in
+    both directions, and the picture enlarged."""
     x0, y0, x1, y1 = box
-    warp = level_from_base(level) @ M @ _shift(x0, y0)
-    fitting = _fitting(warp, x1 - x0, y1 - y0, TILE_PX >> level)
-    cv2.warpPerspective(
+    is_magnified = level == 0 and texels_per_px(M, (x0 + x1) / 2, (y0 + y1) / 2) < 1.0
+    if not is_magnified:
+        canvas[y0:y1, x0:x1] = _ground_part(
+            ground, level, level_from_base(level) @ M @ _shift(x0, y0), x1 - x0, y1 - y0
+        )
+        return
+    width, height = (x1 - x0 + 1) // 2, (y1 - y0 + 1) // 2
+    coarse = _ground_part(ground, level, M @ _shift(x0, y0) @ _EVERY_SECOND, width, height)
+    enlarged = cv2.resize(coarse, (2 * width, 2 * height), interpolation=cv2.INTER_LINEAR)
+    canvas[y0:y1, x0:x1] = enlarged[: y1 - y0, : x1 - x0]
+
+
+def _ground_part(ground: Ground, level: int, warp: Floats, width: int, height: int) -> Image:
+    fitting = _fitting(warp, width, height, TILE_PX >> level)
+    drawn = cv2.warpPerspective(
         ground.pyramid.levels[level] if fitting is None else ground.repeated[level],
         warp if fitting is None else fitting,
-        (x1 - x0, y1 - y0),
-        dst=canvas[y0:y1, x0:x1],
+        (width, height),
         flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
         borderMode=cv2.BORDER_WRAP,
     )
+    return np.asarray(drawn, np.uint8)
 
 
 def _fitting(warp: Floats, width: int, height: int, tile_px: int) -> Floats | None:

@@ -22,12 +22,11 @@ _UNITS = 64.0
 
 @lru_cache(maxsize=4)
 def _bank(height: int, width: int, channels: int) -> tuple[Image, Image]:
-    """Positive and negative parts of one field: saturating byte arithmetic then needs no signs."""
+    """Sizes of the deviates, and 255 where they are positive: byte arithmetic that saturates has no signs."""
     shape = (height + _BANK_MARGIN_PX, width + _BANK_MARGIN_PX) + ((channels,) if channels > 1 else ())
     field = np.random.default_rng(752480).standard_normal(shape, np.float32)
-    field *= np.float32(_UNITS)
-    positive, negative = np.clip(field, 0.0, 255.0), np.clip(-field, 0.0, 255.0)
-    return np.rint(positive).astype(np.uint8), np.rint(negative).astype(np.uint8)
+    size: Image = np.rint(np.minimum(np.abs(field) * np.float32(_UNITS), 255.0)).astype(np.uint8)
+    return size, np.where(field > 0.0, np.uint8(255), np.uint8(0))
 
 
 def add_noise(image: Image, read_sigma: float, shot_sigma: float, rng: np.random.Generator) -> Image:
@@ -36,11 +35,13 @@ def add_noise(image: Image, read_sigma: float, shot_sigma: float, rng: np.random
     if read_sigma <= 0.0 and shot_sigma <= 0.0:
         return image
     height, width = image.shape[:2]
-    channels = image.shape[2] if image.ndim == 3 else 1
+    size, is_positive = _bank(height, width, image.shape[2] if image.ndim == 3 else 1)
     window = (slice(row, row + height), slice(column, column + width))
     sigma = cv2.LUT(image, _sigma_table(read_sigma, shot_sigma))
-    for part, combine in zip(_bank(height, width, channels), (cv2.add, cv2.subtract), strict=True):
-        combine(image, cv2.multiply(part[window], sigma, scale=1.0 / (_UNITS * _SIGMA_UNITS)), dst=image)
+    noise = cv2.multiply(size[window], sigma, scale=1.0 / (_UNITS * _SIGMA_UNITS))
+    lighter = cv2.bitwise_and(noise, is_positive[window])
+    cv2.add(image, lighter, dst=image)
+    cv2.subtract(image, cv2.subtract(noise, lighter, dst=noise), dst=image)
     return image
 
 
