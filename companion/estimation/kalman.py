@@ -9,6 +9,7 @@ a component that fails its gate is left out without touching the others. Called 
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Sequence
 
@@ -59,19 +60,52 @@ def transform_covariance(
     """P <- F P F' with F = I + sum of values[k] at (rows[k], columns[k]).
 
     Motion models are nearly the identity: with a dozen entries this is five times fewer operations than the dense product.
-    Both products are sums of whole rows; the second works on the transpose, which slices of stride n give for nothing.
+    Both products are sums of whole rows, each row formed at once; the second works on the transpose.
     """
-    entries = list(zip(rows, columns, values, strict=True))
-    before = [P[i : i + n] for i in range(0, n * n, n)]
+    changed = [(row, from_rows, [values[k] for k in at]) for row, from_rows, at in _by_row(tuple(rows), tuple(columns))]
+    before: list[Sequence[float]] = [P[i : i + n] for i in range(0, n * n, n)]
     half = before[:]
-    for row, column, f in entries:
-        half[row] = [a + f * b for a, b in zip(half[row], before[column], strict=True)]
-    flat = [value for row in half for value in row]
-    turned = [flat[i::n] for i in range(n)]
+    for row, from_rows, f in changed:
+        half[row] = _summed(before, row, from_rows, f)
+    turned: list[Sequence[float]] = list(zip(*half, strict=True))
     result = turned[:]
-    for row, column, f in entries:
-        result[row] = [a + f * b for a, b in zip(result[row], turned[column], strict=True)]
+    for row, from_rows, f in changed:
+        result[row] = _summed(turned, row, from_rows, f)
     P[:] = [value for row in result for value in row]
+
+
+@functools.cache
+def _by_row(
+    rows: tuple[int, ...], columns: tuple[int, ...]
+) -> tuple[tuple[int, tuple[int, ...], tuple[int, ...]], ...]:
+    """Entries gathered by row: (row, its columns, where their values stand)."""
+    at = {row: tuple(k for k, other in enumerate(rows) if other == row) for row in rows}
+    return tuple((row, tuple(columns[k] for k in places), places) for row, places in at.items())
+
+
+def _summed(matrix: Sequence[Sequence[float]], row: int, from_rows: Sequence[int], f: Vector) -> Sequence[float]:
+    """matrix[row] + sum of f[k] * matrix[from_rows[k]], in this order. One pass over the columns is what makes it quick."""
+    own = matrix[row]
+    if len(f) == 1:
+        f0 = f[0]
+        return [a + f0 * b for a, b in zip(own, matrix[from_rows[0]], strict=True)]
+    if len(f) == 2:
+        f0, f1 = f
+        i, j = from_rows
+        return [a + f0 * b + f1 * c for a, b, c in zip(own, matrix[i], matrix[j], strict=True)]
+    if len(f) == 4:
+        f0, f1, f2, f3 = f
+        i, j, k, m = from_rows
+        rows = zip(own, matrix[i], matrix[j], matrix[k], matrix[m], strict=True)
+        return [a + f0 * b + f1 * c + f2 * d + f3 * e for a, b, c, d, e in rows]
+    if len(f) == 5:
+        f0, f1, f2, f3, f4 = f
+        i, j, k, m, o = from_rows
+        wide = zip(own, matrix[i], matrix[j], matrix[k], matrix[m], matrix[o], strict=True)
+        return [a + f0 * b + f1 * c + f2 * d + f3 * e + f4 * g for a, b, c, d, e, g in wide]
+    for factor, other in zip(f, from_rows, strict=True):
+        own = [a + factor * b for a, b in zip(own, matrix[other], strict=True)]
+    return own
 
 
 def scale_state(P: Vector, n: int, i: int, factor: float) -> None:
