@@ -37,6 +37,7 @@ _PARAMETER_BURST_US = 8_000
 _EVENT_MEMORY = 64
 _ANSWERS_FROM_US = 1_200_000
 _LOCAL_NED = 1
+_NEVER_US = 1 << 62
 
 
 class Vehicle(Protocol):
@@ -107,7 +108,14 @@ class MavlinkEndpoint:
 
     def is_due(self, t_us: int) -> bool:
         """Whether `step` has anything to send."""
-        return bool(self._listings) or not self._origin_sent or any(link.next_due_us <= t_us for link in self._active)
+        return self.next_due_us <= t_us
+
+    @property
+    def next_due_us(self) -> int:
+        """When `step` has something to send, at the earliest."""
+        if self._listings or not self._origin_sent:
+            return 0
+        return min([link.next_due_us for link in self._active], default=_NEVER_US)
 
     def step(self, t_us: int) -> None:
         """Send what is due."""

@@ -121,55 +121,56 @@ def advance(
 
     `command` are the motor commands 0..1, `health` the part of its thrust that each rotor still gives.
     """
-    lag = dt / body.lag
-    u0 = s.u0 + lag * (command[0] - s.u0)
-    u1 = s.u1 + lag * (command[1] - s.u1)
-    u2 = s.u2 + lag * (command[2] - s.u2)
-    u3 = s.u3 + lag * (command[3] - s.u3)
-    c = body.curve
-    t0 = health[0] * ((1.0 - c) * u0 + c * u0 * u0)
-    t1 = health[1] * ((1.0 - c) * u1 + c * u1 * u1)
-    t2 = health[2] * ((1.0 - c) * u2 + c * u2 * u2)
-    t3 = health[3] * ((1.0 - c) * u3 + c * u3 * u3)
+    px, py, pz, vx, vy, vz, w, x, y, z, p, q, r, u0, u1, u2, u3 = s
+    mass, ixx, iyy, izz, thrust, torque, arm_x, arm_y, lag, c, d_x, d_y, d_z, d2_x, d2_y, d2_z, damping = body
+    wind_x, wind_y, wind_z, load_x, load_y, load_z, load_p, load_q, load_r = loads
+    c0, c1, c2, c3 = command
+    h0, h1, h2, h3 = health
+    lag = dt / lag
+    u0 = u0 + lag * (c0 - u0)
+    u1 = u1 + lag * (c1 - u1)
+    u2 = u2 + lag * (c2 - u2)
+    u3 = u3 + lag * (c3 - u3)
+    t0 = h0 * ((1.0 - c) * u0 + c * u0 * u0)
+    t1 = h1 * ((1.0 - c) * u1 + c * u1 * u1)
+    t2 = h2 * ((1.0 - c) * u2 + c * u2 * u2)
+    t3 = h3 * ((1.0 - c) * u3 + c * u3 * u3)
 
     # R_WB and the air's velocity over the body, in B.
-    w, x, y, z = s.qw, s.qx, s.qy, s.qz
     r00, r01, r02 = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)
     r10, r11, r12 = 2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)
     r20, r21, r22 = 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
-    ax, ay, az = s.vx - loads.wind_x, s.vy - loads.wind_y, s.vz - loads.wind_z
+    ax, ay, az = vx - wind_x, vy - wind_y, vz - wind_z
     bx, by, bz = r00 * ax + r10 * ay + r20 * az, r01 * ax + r11 * ay + r21 * az, r02 * ax + r12 * ay + r22 * az
     speed = sqrt(bx * bx + by * by + bz * bz)
 
     # Forces in B (thrust up, drag against the air), then acceleration in W.
-    fx = -bx * (body.drag_x + body.drag2_x * speed)
-    fy = -by * (body.drag_y + body.drag2_y * speed)
-    fz = -bz * (body.drag_z + body.drag2_z * speed) - body.thrust * (t0 + t1 + t2 + t3)
-    m = body.mass
-    accel_x = (r00 * fx + r01 * fy + r02 * fz + loads.fx) / m
-    accel_y = (r10 * fx + r11 * fy + r12 * fz + loads.fy) / m
-    accel_z = (r20 * fx + r21 * fy + r22 * fz + loads.fz) / m + GRAVITY_M_S2
+    fx = -bx * (d_x + d2_x * speed)
+    fy = -by * (d_y + d2_y * speed)
+    fz = -bz * (d_z + d2_z * speed) - thrust * (t0 + t1 + t2 + t3)
+    accel_x = (r00 * fx + r01 * fy + r02 * fz + load_x) / mass
+    accel_y = (r10 * fx + r11 * fy + r12 * fz + load_y) / mass
+    accel_z = (r20 * fx + r21 * fy + r22 * fz + load_z) / mass + GRAVITY_M_S2
 
     # Torques in B about the centre of gravity, with Euler's equations.
-    p, q, r = s.p, s.q, s.r
-    tx = body.arm_y * body.thrust * (t1 + t2 - t0 - t3) - body.damping * p + loads.tx
-    ty = body.arm_x * body.thrust * (t0 + t2 - t1 - t3) - body.damping * q + loads.ty
-    tz = body.torque * (t0 + t1 - t2 - t3) - body.damping * r + loads.tz
-    p_dot = (tx - (body.izz - body.iyy) * q * r) / body.ixx
-    q_dot = (ty - (body.ixx - body.izz) * r * p) / body.iyy
-    r_dot = (tz - (body.iyy - body.ixx) * p * q) / body.izz
+    tx = arm_y * thrust * (t1 + t2 - t0 - t3) - damping * p + load_p
+    ty = arm_x * thrust * (t0 + t2 - t1 - t3) - damping * q + load_q
+    tz = torque * (t0 + t1 - t2 - t3) - damping * r + load_r
+    p_dot = (tx - (izz - iyy) * q * r) / ixx
+    q_dot = (ty - (ixx - izz) * r * p) / iyy
+    r_dot = (tz - (iyy - ixx) * p * q) / izz
 
     nw, nx, ny, nz = multiply((w, x, y, z), from_rotation_vector(p * dt, q * dt, r * dt))
     scale = 1.0 / sqrt(nw * nw + nx * nx + ny * ny + nz * nz)
-    vx, vy, vz = s.vx + accel_x * dt, s.vy + accel_y * dt, s.vz + accel_z * dt
+    nvx, nvy, nvz = vx + accel_x * dt, vy + accel_y * dt, vz + accel_z * dt
     half = 0.5 * dt
     state = BodyState(
-        s.x + half * (s.vx + vx),
-        s.y + half * (s.vy + vy),
-        s.z + half * (s.vz + vz),
-        vx,
-        vy,
-        vz,
+        px + half * (vx + nvx),
+        py + half * (vy + nvy),
+        pz + half * (vz + nvz),
+        nvx,
+        nvy,
+        nvz,
         nw * scale,
         nx * scale,
         ny * scale,
@@ -202,7 +203,7 @@ class Multirotor:
         self.state = BodyState(*position_ned_m, *velocity_ned_m_s, *q_ned_frd, *rates_frd_rad_s, *motors)
         self.motor_health: Motors = _ALL_WELL
         self.on_surface = False
-        self._acceleration_ned_m_s2: Vec3 = (0.0, 0.0, 0.0)
+        self.acceleration_ned_m_s2: Vec3 = (0.0, 0.0, 0.0)
 
     @property
     def position_ned_m(self) -> Vec3:
@@ -235,23 +236,25 @@ class Multirotor:
     ) -> None:
         """Advance by dt_s (1 to 4 ms)."""
         loads = Loads(*wind_ned_m_s, *external_force_ned_n, *external_torque_frd_nm)
-        self.state, self._acceleration_ned_m_s2 = advance(
+        self.state, self.acceleration_ned_m_s2 = advance(
             self.state, self.body, motor_commands, self.motor_health, loads, dt_s
         )
 
     def truth(self) -> VehicleTruth:
         """What is true now, for sensors, scoring and display."""
-        s = self.state
-        ax, ay, az = self._acceleration_ned_m_s2
-        w, x, y, z = s.qw, s.qx, s.qy, s.qz
-        # Specific force: acceleration without gravity, turned into B (conjugate of q_WB).
-        gz = az - GRAVITY_M_S2
-        tx, ty, tz = 2.0 * (z * ay - y * gz), 2.0 * (x * gz - z * ax), 2.0 * (y * ax - x * ay)
-        force = (
-            ax + w * tx - y * tz + z * ty,
-            ay + w * ty - z * tx + x * tz,
-            gz + w * tz - x * ty + y * tx,
-        )
-        return VehicleTruth(
-            (s.x, s.y, s.z), (s.vx, s.vy, s.vz), (w, x, y, z), (s.p, s.q, s.r), force, (ax, ay, az), self.on_surface
-        )
+        return truth_of(self.state, self.acceleration_ned_m_s2, self.on_surface)
+
+
+def truth_of(state: BodyState, acceleration_ned_m_s2: Vec3, on_surface: bool) -> VehicleTruth:
+    """The state, and what an accelerometer reads when the vehicle accelerates so."""
+    px, py, pz, vx, vy, vz, w, x, y, z, p, q, r, _, _, _, _ = state
+    ax, ay, az = acceleration_ned_m_s2
+    # Specific force: acceleration without gravity, turned into B (conjugate of q_WB).
+    gz = az - GRAVITY_M_S2
+    tx, ty, tz = 2.0 * (z * ay - y * gz), 2.0 * (x * gz - z * ax), 2.0 * (y * ax - x * ay)
+    force = (
+        ax + w * tx - y * tz + z * ty,
+        ay + w * ty - z * tx + x * tz,
+        gz + w * tz - x * ty + y * tx,
+    )
+    return VehicleTruth((px, py, pz), (vx, vy, vz), (w, x, y, z), (p, q, r), force, acceleration_ned_m_s2, on_surface)

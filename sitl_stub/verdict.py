@@ -158,6 +158,11 @@ class Judge:
         self._overturned_s = self._overturned_s + dt_s if overturned else 0.0
         self._decide(t_s, position_ned_m, deck, contact)
 
+    @property
+    def limit_us(self) -> int:
+        """When the time is up, on the boot clock."""
+        return round(self._limit_s * 1e6)
+
     def free(self, t_s: float, motors_run: bool) -> None:
         """The short way while nothing is near: only the time and the motors matter."""
         if self.is_over:

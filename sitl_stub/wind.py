@@ -29,12 +29,24 @@ class Wind(Protocol):
 
     def step(self, dt_s: float, height_m: float) -> Vec3: ...
 
+    def steady_steps(self, dt_s: float) -> int:
+        """How many more steps give what the last one gave, at any height."""
+
+    def skip(self, steps: int, dt_s: float) -> None:
+        """Go on by so many of them."""
+
 
 class StillAir:
     """No wind."""
 
     def step(self, dt_s: float, height_m: float) -> Vec3:
         return (0.0, 0.0, 0.0)
+
+    def steady_steps(self, dt_s: float) -> int:
+        return 1 << 30
+
+    def skip(self, steps: int, dt_s: float) -> None:
+        """Nothing to go on with."""
 
 
 def profile(height_m: float) -> float:
@@ -51,6 +63,12 @@ class SteadyWind:
     def step(self, dt_s: float, height_m: float) -> Vec3:
         factor = profile(height_m)
         return (self._north * factor, self._east * factor, 0.0)
+
+    def steady_steps(self, dt_s: float) -> int:
+        return 0
+
+    def skip(self, steps: int, dt_s: float) -> None:
+        """Nothing to go on with."""
 
 
 class DrydenWind:
@@ -86,6 +104,16 @@ class DrydenWind:
             self._blow(self._since_s, height_m)
             self._since_s = 0.0
         return self._now
+
+    def steady_steps(self, dt_s: float) -> int:
+        steps, since_s = 0, self._since_s + dt_s
+        while since_s < _GUST_PERIOD_S - 1e-9:
+            steps, since_s = steps + 1, since_s + dt_s
+        return steps
+
+    def skip(self, steps: int, dt_s: float) -> None:
+        for _ in range(steps):
+            self._since_s += dt_s
 
     def _blow(self, dt_s: float, height_m: float) -> None:
         mean_m_s = self._mean_m_s * profile(height_m)

@@ -30,6 +30,7 @@ from sitl_stub.scenario import Scenario, load_pad
 from sitl_stub.sensors import distance_down
 from sitl_stub.shelter import sheltered
 from sitl_stub.start import Start, draw_start, vehicle_pose
+from sitl_stub.steady_flight import SteadyFlight
 from sitl_stub.vehicle_setup import make_autopilot, make_wind, read_vehicle
 from sitl_stub.verdict import Judge, Verdict
 from sitl_stub.world_setup import deck_shape, make_body, make_contact, make_deck, make_range_sensor
@@ -120,6 +121,8 @@ class World:
         self._due_us = self._first_due_us()
         self._next_due_us = 0
         self._clear_until_us = 0
+        self._wind_ahead: Vec3 | None = None
+        self._steady = SteadyFlight(self.vehicle, self.autopilot)
 
     def _make_vehicle(self, start: Start) -> None:
         scenario, seed = self.scenario, self.seed
@@ -157,16 +160,23 @@ class World:
         output = StepOutput()
         for datagram in datagrams_in:
             self._take_in(datagram)
-        for _ in range(steps):
-            self._physics_step()
-            if self.t_us >= self._next_due_us:
-                self._do_what_is_due(output)
-            self._give_out(self.autopilot.datagrams(), output)
+        end_us = self.t_us + steps * STEP_US
+        while self.t_us < end_us:
+            if not self._fly_steadily(end_us, output):
+                self._physics_step()
+                self._finish_step(output)
         return output
+
+    def _finish_step(self, output: StepOutput) -> None:
+        if self.t_us >= self._next_due_us:
+            self._do_what_is_due(output)
+        self._give_out(self.autopilot.datagrams(), output)
 
     def _take_in(self, datagram: Datagram) -> None:
         if self._to_vehicle.is_clear():
+            self._steady.show(self.t_us)
             self.autopilot.receive(datagram.link, datagram.data, self.t_us)
+            self._steady.look_again(self.t_us)
         else:
             self._to_vehicle.send(datagram, self.t_us)
 
@@ -185,17 +195,68 @@ class World:
         if not self._to_vehicle.is_clear():
             for datagram in self._to_vehicle.due(t_us):
                 self.autopilot.receive(datagram.link, datagram.data, t_us)
-        motors = self.autopilot.step(t_us, vehicle.truth(), self._range.value_m, STEP_S)
-        wind = self._wind.step(STEP_S, -vehicle.state.z)
-        if self._shelter > 0.0:
-            wind = sheltered(wind, self._shelter, vehicle.position_ned_m, self._deck.at(t_us * 1e-6), self._shape)
-        self._wind_ned_m_s = wind
+        self._move(self.autopilot.step(t_us, vehicle.truth(), self._range.value_m, STEP_S))
+
+    def _move(self, motors: tuple[float, float, float, float]) -> None:
+        """The second half of a step: wind, contact, rigid body."""
+        vehicle, t_us = self.vehicle, self.t_us
+        wind = self._wind_here()
+        self._wind_ahead = None
         self.t_us = t_us + STEP_US
         if t_us < self._clear_until_us or self._is_clear(t_us):
             vehicle.step(STEP_S, motors, wind)
             self._judge.free(self.t_us * 1e-6, motors_run=max(motors) > 0.0)
         else:
             self._touching_step(t_us, motors, wind)
+
+    def _wind_here(self) -> Vec3:
+        """The wind of the coming step, drawn once."""
+        if self._wind_ahead is None:
+            wind = self._wind.step(STEP_S, -self.vehicle.state.z)
+            if self._shelter > 0.0:
+                deck = self._deck.at(self.t_us * 1e-6)
+                wind = sheltered(wind, self._shelter, self.vehicle.position_ned_m, deck, self._shape)
+            self._wind_ahead = self._wind_ned_m_s = wind
+        return self._wind_ahead
+
+    # ---------------------------------------------------------------------------------------------------- steady flight
+
+    def _fly_steadily(self, end_us: int, output: StepOutput) -> bool:
+        """Make all steps at once until something happens, at the latest at `end_us`; False where each step counts."""
+        t_us, steady = self.t_us, self._steady
+        is_free = self._to_vehicle.is_clear() and (t_us < self._clear_until_us or self._is_clear(t_us))
+        if not is_free or not steady.enter():
+            steady.leave(t_us)
+            return False
+        range_m, wind = self._range.value_m, self._wind_here()
+        done, waits = steady.fly(t_us, self._free_steps(t_us, end_us), wind, range_m)
+        if done:
+            self._wind.skip(done - 1, STEP_S)
+            self._wind_ahead = None
+        for i in range(done):
+            self._end_steady_step(i, i == done - 1, range_m, output)
+        if waits and not steady.decide(self.t_us, self._range.value_m):
+            truth = self.vehicle.truth()
+            self._move(self.autopilot.finish_step(self.t_us, truth, self._range.value_m, STEP_S))
+            self._finish_step(output)
+        return True
+
+    def _free_steps(self, t_us: int, end_us: int) -> int:
+        """How many steps nothing happens in but the flight; what is due comes at the end of the last of them."""
+        until_us = min(end_us, self._clear_until_us, max(self._next_due_us, t_us + 1))
+        if t_us < self._judge.limit_us:
+            until_us = min(until_us, self._judge.limit_us)
+        steps = -((t_us - until_us) // STEP_US)
+        return 1 if self._shelter > 0.0 else min(steps, 1 + self._wind.steady_steps(STEP_S))
+
+    def _end_steady_step(self, i: int, is_last: bool, range_m: float | None, output: StepOutput) -> None:
+        sent = self._steady.send(i, self.t_us, range_m)
+        self.t_us += STEP_US
+        if is_last:
+            self._judge.free(self.t_us * 1e-6, motors_run=True)
+            self._finish_step(output)
+        elif sent or not self._from_vehicle.is_clear():
+            self._give_out(self.autopilot.datagrams(), output)
 
     def _is_clear(self, t_us: int) -> bool:
         """Whether nothing can touch during the coming step; looks ahead as far as the distance allows."""
@@ -245,6 +306,8 @@ class World:
     def _do_faults(self, output: StepOutput) -> None:
         t_s = self.t_us * 1e-6
         changed = self._faults.update(t_s, -self._in_pad(self._deck.at(t_s))[2])
+        if changed:
+            self._steady.leave(self.t_us)
         for window in changed:
             self._effects.change(window, self._faults.active())
         self._due_us["faults"] += _FAULT_PERIOD_US

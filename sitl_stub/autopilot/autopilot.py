@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from math import isfinite, nan
+from typing import Any
 
 import numpy as np
 
@@ -23,7 +24,7 @@ from sitl_stub.autopilot.commands import Command, Result
 from sitl_stub.autopilot.estimate import EstimateErrors, Estimator
 from sitl_stub.autopilot.home import Home
 from sitl_stub.autopilot.land import Land
-from sitl_stub.autopilot.land_detector import LandDetector, LandDetectorInput
+from sitl_stub.autopilot.land_detector import CLOSE_TO_GROUND_M, LandDetector, LandDetectorInput
 from sitl_stub.autopilot.loiter import Loiter
 from sitl_stub.autopilot.manual_control import ManualControl, Sticks
 from sitl_stub.autopilot.mixer import Motors
@@ -36,6 +37,7 @@ from sitl_stub.autopilot.pilot_flight import PilotFlight
 from sitl_stub.autopilot.precland import LandingTarget, Precland
 from sitl_stub.autopilot.rtl import Rtl
 from sitl_stub.autopilot.setpoint import AttitudeSetpoint, RatesSetpoint, Setpoint, TrajectorySetpoint
+from sitl_stub.autopilot.steady_control import Asked
 from sitl_stub.autopilot.takeoff import TakeoffRamp, TakeoffState
 from sitl_stub.autopilot.takeoff_route import TakeoffRoute
 from sitl_stub.geodesy import Origin
@@ -46,6 +48,8 @@ from sitl_stub.telemetry import IN_AIR, LANDING, ON_GROUND, TAKEOFF, Telemetry
 DECISION_PERIOD_US = 8_000
 """Mode, flight task and land detector run when PX4's estimator publishes a position, every second step."""
 _STOPPED: Motors = (0.0, 0.0, 0.0, 0.0)
+_FLIGHT = TakeoffState.FLIGHT
+_NEVER_US = 1 << 62
 _CAN_ARM_AFTER_US = 4_000_000
 _POSITION_VALID_WITHOUT_GPS_US = 5_000_000
 _GROUND_STATION_NOTICE_US = 1_000_000
@@ -132,7 +136,9 @@ class Autopilot:
         self._resets_seen = (0, 0)
         self._ground_station_lost = False
         self._descent_m_s: float | None = None
-        self._since_decision_us = DECISION_PERIOD_US
+        self._parameter_changes = 0
+        self._decided_us = -DECISION_PERIOD_US - 4_000
+        self.since_decision_us = DECISION_PERIOD_US
         self.telemetry = Telemetry(
             self.estimator.estimate,
             self.commander,
@@ -209,22 +215,31 @@ class Autopilot:
         """Advance to t_us and return the motor commands, 0 to 1."""
         self._t_us = self.telemetry.t_us = t_us
         self.estimator.step(t_us, truth, range_m, dt_s)
-        self._since_decision_us += round(dt_s * 1e6)
-        if self._since_decision_us >= DECISION_PERIOD_US:
-            decided_dt_s = self._since_decision_us * 1e-6
-            self._since_decision_us = 0
-            self._decide(t_us, decided_dt_s)
+        self.since_decision_us += round(dt_s * 1e6)
+        if self.since_decision_us >= DECISION_PERIOD_US:
+            decided_dt_s = self.since_decision_us * 1e-6
+            self.since_decision_us = 0
+            self.decide(t_us, decided_dt_s)
+        return self.finish_step(t_us, truth, range_m, dt_s)
+
+    def finish_step(self, t_us: int, truth: VehicleTruth, range_m: float | None, dt_s: float) -> Motors:
+        """What follows estimate and decision: the cascade and the messages."""
         motors = self.cascade.step(dt_s, self.estimator.estimate, self._setpoint, self._constraints)
         if self.commander.terminated or self.commander.killed:
             motors = _STOPPED
         if self.endpoint.is_due(t_us):
-            self._fill_telemetry(truth, range_m, motors)
-            self.endpoint.step(t_us)
+            self.send(t_us, truth, range_m, motors)
         return motors
 
-    def _decide(self, t_us: int, dt_s: float) -> None:
+    def send(self, t_us: int, truth: VehicleTruth, range_m: float | None, motors: Motors) -> None:
+        """Send the messages that are due."""
+        self._fill_telemetry(truth, range_m, motors)
+        self.endpoint.step(t_us)
+
+    def decide(self, t_us: int, dt_s: float) -> None:
         """All that PX4 does when the estimator publishes a position: mode, flight task, take-off ramp, land detector."""
-        self.battery.step(dt_s, self.commander.armed)
+        self.battery.step((t_us - self._decided_us) * 1e-6, self.commander.armed)
+        self._decided_us = t_us
         if self._pilot_sticks is not None:
             self.manual_control.receive(self._pilot_sticks, t_us)
         self._follow_jumps()
@@ -233,6 +248,61 @@ class Autopilot:
         self._setpoint = self._fly(t_us, dt_s)
         self._constrain(t_us, dt_s)
         self._detect_landing(t_us)
+
+    # Steady flight ------------------------------------------------------------------------------------------------
+
+    def is_steady(self) -> bool:
+        """Only estimate, cascade and rigid body move between decisions (steady_flight.py)."""
+        commander, estimate = self.commander, self.estimator.estimate
+        if commander.terminated or commander.killed or not self.estimator.gnss_available:
+            return False
+        if not (estimate.has_position and estimate.has_velocity and estimate.has_altitude):
+            return False
+        return self.cascade.is_steady(self._setpoint, self._constraints)
+
+    def disturbances(self) -> tuple[object, ...]:
+        """Changes when a command or a parameter has done more than a setpoint may."""
+        c = self.commander
+        return (
+            c.armed,
+            c.terminated,
+            c.killed,
+            self.manual_control.kill,
+            self._parameter_changes,
+            self.estimator.gnss_available,
+        )
+
+    def asked(self) -> Asked:
+        """What the cascade flies until the next decision."""
+        setpoint = self._setpoint
+        assert isinstance(setpoint, TrajectorySetpoint)
+        yaw_rate, height_m = setpoint.yaw_rate_rad_s, self.estimator.estimate.height_above_bottom_m
+        return Asked(
+            self.cascade.motion_asked(setpoint),
+            setpoint.yaw_rad if isfinite(setpoint.yaw_rad) else nan,
+            yaw_rate if isfinite(yaw_rate) else 0.0,
+            self.land_detector.descends(self._descent_m_s),
+            height_m is None or height_m < CLOSE_TO_GROUND_M,
+        )
+
+    def quiet_until_us(self, t_us: int) -> int:
+        """Until then a decision changes nothing while nothing is received; 0 where that cannot be said."""
+        if self.commander.nav_state is not NavState.OFFBOARD or self.manual_control.was_seen or self._pilot_sticks:
+            return 0
+        if not self.land_detector.is_idle(t_us) or not self.battery.is_settled or self.takeoff.state is not _FLIGHT:
+            return 0
+        seen = self.endpoint.ground_station_seen_us
+        lost_us: float = _NEVER_US if seen is None or self._ground_station_lost else self._ground_station_lost_us(seen)
+        return int(min(self.commander.quiet_until_us, self.home.next_change_us, lost_us))
+
+    def show(self, t_us: int, flat: Any) -> None:
+        """Let the estimate be a flat state's, at t_us."""
+        self._t_us = self.telemetry.t_us = t_us
+        self.estimator.show(t_us, flat)
+
+    def next_message_us(self) -> int:
+        """When a message is due, at the earliest."""
+        return self.endpoint.next_due_us
 
     # What the endpoint hands over ---------------------------------------------------------------------------------
 
@@ -274,6 +344,7 @@ class Autopilot:
         self.endpoint.tell(notice)
 
     def _refresh(self, name: str) -> None:
+        self._parameter_changes += 1
         self.cascade.refresh()
         self.estimator.refresh()
         self._auto_flight.refresh()
@@ -300,9 +371,10 @@ class Autopilot:
 
     def _has_ground_station(self, t_us: int) -> bool:
         seen = self.endpoint.ground_station_seen_us
-        return (
-            seen is not None and t_us - seen <= self.parameters.get("COM_DL_LOSS_T") * 1e6 + _GROUND_STATION_NOTICE_US
-        )
+        return seen is not None and t_us <= self._ground_station_lost_us(seen)
+
+    def _ground_station_lost_us(self, seen_us: int) -> float:
+        return seen_us + self.parameters.get("COM_DL_LOSS_T") * 1e6 + _GROUND_STATION_NOTICE_US
 
     def _conditions(self, t_us: int) -> Conditions:
         health = self._refresh_health(t_us)

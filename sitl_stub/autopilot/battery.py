@@ -17,16 +17,26 @@ class Battery:
 
     def __init__(self, parameters: Parameters) -> None:
         self._parameters = parameters
-        self._armed_s = 0.0
+        self._armed_us = 0
         self._forced: float | None = None
 
     def step(self, dt_s: float, armed: bool) -> None:
         """Drain or refill."""
-        self._armed_s = self._armed_s + dt_s if armed else 0.0
+        self._armed_us = self._armed_us + round(dt_s * 1e6) if armed else 0
 
     def force_charge(self, charge: float | None) -> None:
         """Fault of a scenario: the charge to report, or None for PX4's own drain again."""
         self._forced = charge
+
+    @property
+    def is_settled(self) -> bool:
+        """The warning level cannot change by itself: a charge set from outside, or a drain that ends above the lowest level."""
+        get = self._parameters.get
+        return (
+            self._forced is not None
+            or get("SIM_BAT_MIN_PCT") / 100.0 >= get("BAT_LOW_THR")
+            or get("SIM_BAT_DRAIN") <= 0.0
+        )
 
     @property
     def charge(self) -> float:
@@ -36,7 +46,7 @@ class Battery:
         floor = self._parameters.get("SIM_BAT_MIN_PCT") / 100.0
         if drain_s <= 0.0:
             return 1.0
-        return max(1.0 - self._armed_s / drain_s, floor)
+        return max(1.0 - self._armed_us * 1e-6 / drain_s, floor)
 
     @property
     def voltage_v(self) -> float:

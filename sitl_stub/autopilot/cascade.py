@@ -11,10 +11,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import isfinite, nan, pi
+from math import isfinite, isnan, nan, pi
+from typing import Any
 
 from sitl_stub.autopilot.attitude_control import attitude_gains, control_attitude
-from sitl_stub.autopilot.hover_thrust import HoverThrust
+from sitl_stub.autopilot.hover_thrust import HoverState, HoverThrust
 from sitl_stub.autopilot.mixer import Motors, mix
 from sitl_stub.autopilot.position_control import (
     UNSET_MOTION,
@@ -28,6 +29,7 @@ from sitl_stub.autopilot.position_control import (
 )
 from sitl_stub.autopilot.rate_control import RateState, control_rates, rate_gains
 from sitl_stub.autopilot.setpoint import AttitudeSetpoint, RatesSetpoint, Setpoint, TrajectorySetpoint
+from sitl_stub.autopilot.steady_control import Asked, LoopConstants
 from sitl_stub.autopilot.vehicle_estimate import VehicleEstimate
 from sitl_stub.rotation import IDENTITY, Quaternion, Vec3
 
@@ -38,6 +40,7 @@ _IN_AIR_ABOVE_M = 1.0
 _ZERO: Vec3 = (0.0, 0.0, 0.0)
 _STOPPED: Motors = (0.0, 0.0, 0.0, 0.0)
 # PX4 asks for a strong downward acceleration to make sure that there is no thrust on the ground.
+_ORIGIN = Motion(*(0.0,) * 9)
 _NO_THRUST = Motion(nan, nan, nan, nan, nan, nan, 0.0, 0.0, 100.0)
 
 
@@ -333,6 +336,100 @@ class Cascade:
         )
         if self.hover_thrust_estimator.is_valid and constraints.is_flying:
             self._use_hover_thrust(self.hover_thrust_estimator.value, absorb=True)
+
+    # Steady flight ------------------------------------------------------------------------------------------------
+
+    def is_steady(self, setpoint: Setpoint | None, constraints: FlightConstraints) -> bool:
+        """Nothing but the loops has a say: flying, off the ground, with a trajectory that can be flown."""
+        if not isinstance(setpoint, TrajectorySetpoint) or self._last_velocity is None:
+            return False
+        if self.is_holding_invalid_setpoint or not self._is_in_air or not self._is_free(constraints):
+            return False
+        return is_flyable(self._flat(setpoint), _ORIGIN)
+
+    def _is_free(self, c: FlightConstraints) -> bool:
+        if not (c.armed and c.is_flying) or c.landed or c.maybe_landed or c.thrust_off:
+            return False
+        return isnan(c.climb_limit_m_s) and isnan(c.descent_limit_m_s) and isnan(c.speed_limit_m_s)
+
+    def motion_asked(self, setpoint: TrajectorySetpoint) -> Motion:
+        """The setpoint as the position loop takes it."""
+        return self._flat(setpoint)
+
+    def loop_constants(self) -> LoopConstants:
+        """What the parameters say, for the steady kernel."""
+        return LoopConstants(
+            self._rate_gains,
+            self._attitude_gains,
+            self._position_gains,
+            self.hover_thrust_estimator.settings,
+            self._uses_estimator,
+            self._speed_xy,
+            self._climb,
+            self._descent,
+            self._tilt_flying,
+            self._thrust_min,
+            self._thrust_max,
+            self._land_speed,
+            self._derivative_time_s,
+        )
+
+    def put_flat(self, k: Any) -> None:
+        """Write the state where the steady kernel has it (places: steady_control.py)."""
+        echo, last = self.position_setpoint, self._last_velocity or _ZERO
+        values = (
+            *self.rates_setpoint_frd_rad_s,
+            *self.rate_state,
+            *self._saturated,
+            self.thrust_setpoint,
+            *self.attitude_setpoint,
+            self.yaw_rate_setpoint_rad_s,
+            *self.velocity_integral_m_s2,
+            self.hover_thrust,
+            self.tilt_limit_rad,
+            *last,
+            *self._velocity_derivative,
+            float(self._since_position_us),
+            *self.motors,
+            *self.torque_setpoint,
+            *self.hover_thrust_estimator.state,
+            *echo.velocity_ned_m_s,
+            *echo.acceleration_ned_m_s2,
+            *echo.thrust_ned,
+            echo.yaw_rad,
+        )
+        for place, value in enumerate(values):
+            k[place] = value
+
+    def show_flat(self, k: list[float], asked: Asked) -> None:
+        """Let the attributes say what the steady kernel's state says about setpoints."""
+        self.rates_setpoint_frd_rad_s = (k[0], k[1], k[2])
+        self.thrust_setpoint = k[10]
+        self.attitude_setpoint = (k[11], k[12], k[13], k[14])
+        sp = asked.motion
+        self.position_setpoint = PositionSetpointEcho(
+            (sp.x, sp.y, sp.z),
+            (k[42], k[43], k[44]),
+            (k[45], k[46], k[47]),
+            (k[48], k[49], k[50]),
+            k[51],
+            k[15],
+        )
+
+    def take_flat(self, k: list[float], asked: Asked) -> None:
+        """Take the whole state back from the steady kernel."""
+        self.show_flat(k, asked)
+        self.rate_state = RateState(k[3], k[4], k[5], k[6])
+        self._saturated = (k[7], k[8], k[9])
+        self.yaw_rate_setpoint_rad_s = k[15]
+        self.velocity_integral_m_s2 = (k[16], k[17], k[18])
+        self.hover_thrust, self.tilt_limit_rad = k[19], k[20]
+        self._last_velocity, self._velocity_derivative = (k[21], k[22], k[23]), (k[24], k[25], k[26])
+        self._since_position_us = round(k[27])
+        self.motors = (k[28], k[29], k[30], k[31])
+        self.torque_setpoint = (k[32], k[33], k[34])
+        self.hover_thrust_estimator.state = HoverState(*k[35:42])
+        self._invalid_for_s = 0.0
 
     def _use_hover_thrust(self, value: float, absorb: bool) -> None:
         """Change the hover thrust; when absorbing, the z integrator keeps the thrust where it is."""

@@ -263,6 +263,15 @@ class Commander:
         self._choose_mode(now)
         self._report(now.t_us)
 
+    @property
+    def quiet_until_us(self) -> int:
+        """Until then `step` does nothing new while the conditions stay as they are; 0 where that cannot be said."""
+        is_plain = self.armed and self._has_flown and not (self.terminated or self.killed or self._landed)
+        reported = self._reported == (self.nav_state, self._health, self.armed, self._landed)
+        if not (is_plain and reported and self._failsafe.is_idle and self.nav_state is self.user_mode):
+            return 0
+        return self._next_health_us
+
     def finish_takeoff(self) -> None:
         """The take-off altitude is reached: PX4 goes on to loiter."""
         if self.user_mode is NavState.AUTO_TAKEOFF:

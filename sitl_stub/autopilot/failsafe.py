@@ -110,6 +110,11 @@ class Failsafe:
         self._overridden: set[Cause] = set()
         self.state = _NOTHING
 
+    @property
+    def is_idle(self) -> bool:
+        """No cause is present and nothing is done."""
+        return self.state.action is Action.NONE and not self._began_us
+
     def reset(self) -> None:
         """Forget everything (on disarming)."""
         self._began_us.clear()

@@ -12,6 +12,7 @@ _MEAN_M = 0.97
 _SIGMA_M = 0.41
 _PERIOD_US = 2_000_000
 _LIMIT_M = 1.5
+_NEVER_US = 1 << 62
 
 
 class Home:
@@ -39,6 +40,11 @@ class Home:
         self.yaw_rad = yaw_rad
         self.set_t_us = t_us
         self._altitude_error_m = 0.0
+
+    @property
+    def next_change_us(self) -> int:
+        """When the altitude may jump next; far away when it never does."""
+        return _NEVER_US if self._error_scale == 0.0 else self._next_change_us
 
     def step(self, t_us: int, in_air: bool) -> None:
         """Let the altitude jump while in the air."""

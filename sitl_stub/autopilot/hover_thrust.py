@@ -8,8 +8,10 @@ absorbs each change. Upwards positive, m/s^2, thrust 0..1. Called by cascade.py 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import hypot
+from math import sqrt
+from typing import NamedTuple
 
+from sitl_stub.compiled import used_by_kernels
 from sitl_stub.rotation import Vec3
 
 GRAVITY_M_S2 = 9.80665
@@ -21,8 +23,66 @@ _VALID_AFTER_S = 2.0
 _SETTLED_VARIANCE = 1.6e-6
 
 
+class HoverSettings(NamedTuple):
+    """Constants from PX4 parameters."""
+
+    start: float
+    reach: float
+    process: float
+    gate: float
+    first_variance: float
+    fast_z: float
+    fast_xy: float
+
+
+class HoverState(NamedTuple):
+    """The filter. `is_valid` is 0 or 1."""
+
+    value: float
+    variance: float
+    is_valid: float
+    noise: float = _FIRST_NOISE_VARIANCE
+    residual: float = 0.0
+    ratio: float = 0.0
+    good_for_s: float = 0.0
+
+
+@used_by_kernels
+def fuse(
+    s: HoverState, settings: HoverSettings, acceleration_up: float, thrust_up: float, velocity: Vec3, dt: float
+) -> HoverState:
+    """The filter after one pair of acceleration and thrust."""
+    value, variance, was_valid, noise, residual, last_ratio, good_for_s = s
+    start, reach, process, gate, _, fast_z, fast_xy = settings
+    variance += process * dt * dt
+    vx, vy, vz = velocity
+    scale = max(abs(vz) - fast_z + 1.0, sqrt(vx * vx + vy * vy) - fast_xy + 1.0, 1.0)
+    slope = -GRAVITY_M_S2 * thrust_up / (value * value)
+    innovation_variance = slope * slope * variance + noise * scale * scale
+    innovation = acceleration_up - (GRAVITY_M_S2 * thrust_up / value - GRAVITY_M_S2)
+    ratio = innovation * innovation / (gate * gate * innovation_variance)
+    if ratio < 1.0:
+        gain = variance * slope / innovation_variance
+        value = min(max(value + gain * innovation, max(start - reach, 0.1)), min(start + reach, 0.9))
+        variance = min(max((1.0 - gain * slope) * variance, 1e-10), 1.0)
+    elif abs(last_ratio) > 0.2:
+        variance += 1e3 * process * dt
+    # The measurement's noise is learnt from what is left of the residual without its mean.
+    left = acceleration_up - (GRAVITY_M_S2 * thrust_up / value - GRAVITY_M_S2)
+    share = dt / (_RESIDUAL_TIME_S + dt)
+    residual += share * (left - residual)
+    last_ratio += share * ((min(ratio, 1.0) if innovation > 0.0 else -min(ratio, 1.0)) - last_ratio)
+    steady = left - residual
+    sample = steady * steady + slope * slope * variance
+    noise = min(max(noise + dt / (_NOISE_TIME_S + dt) * (sample - noise), 1.0), 400.0)
+    good = variance < _VALID_VARIANCE and (was_valid > 0.0 or ratio < 1.0)
+    good_for_s = good_for_s + dt if good else 0.0
+    valid = 1.0 if good and (was_valid > 0.0 or good_for_s >= _VALID_AFTER_S) else 0.0
+    return HoverState(value, variance, valid, noise, residual, last_ratio, good_for_s)
+
+
 class HoverThrust:
-    """`value` is the estimate, `is_valid` whether the controller may use it."""
+    """`value` is the estimate, `is_valid` whether the controller may use it; `state` is all of it."""
 
     def __init__(self, parameters: Mapping[str, float | int]) -> None:
         self.refresh(parameters)
@@ -31,63 +91,36 @@ class HoverThrust:
     def refresh(self, parameters: Mapping[str, float | int]) -> None:
         """Read the parameters again."""
         p = parameters
-        self._start = float(p["MPC_THR_HOVER"])
-        self._range = float(p["HTE_THR_RANGE"])
-        self._process = float(p["HTE_HT_NOISE"]) ** 2
-        self._gate = float(p["HTE_ACC_GATE"])
-        self._first_variance = float(p["HTE_HT_ERR_INIT"]) ** 2
-        self._fast_z, self._fast_xy = float(p["HTE_VZ_THR"]), float(p["HTE_VXY_THR"])
+        self.settings = HoverSettings(
+            float(p["MPC_THR_HOVER"]),
+            float(p["HTE_THR_RANGE"]),
+            float(p["HTE_HT_NOISE"]) ** 2,
+            float(p["HTE_ACC_GATE"]),
+            float(p["HTE_HT_ERR_INIT"]) ** 2,
+            float(p["HTE_VZ_THR"]),
+            float(p["HTE_VXY_THR"]),
+        )
+
+    @property
+    def value(self) -> float:
+        return self.state.value
+
+    @property
+    def variance(self) -> float:
+        return self.state.variance
+
+    @property
+    def is_valid(self) -> bool:
+        return self.state.is_valid > 0.0
 
     def reset(self) -> None:
         """Forget; the next flight starts from MPC_THR_HOVER."""
-        self.value = self._start
-        self.variance = self._first_variance
-        self.is_valid = False
-        self._noise = _FIRST_NOISE_VARIANCE
-        self._residual = 0.0
-        self._ratio = 0.0
-        self._good_for_s = 0.0
+        self.state = HoverState(self.settings.start, self.settings.first_variance, 0.0)
 
     def start(self, value: float) -> None:
         """Begin with an estimate that has already settled (starts in the air)."""
-        self.value, self.variance, self.is_valid = value, _SETTLED_VARIANCE, True
-        self._noise = 1.0
+        self.state = HoverState(value, _SETTLED_VARIANCE, 1.0, noise=1.0)
 
     def update(self, acceleration_up: float, thrust_up: float, velocity_ned_m_s: Vec3, dt: float) -> None:
         """Fuse one pair of acceleration and thrust."""
-        self.variance += self._process * dt * dt
-        vx, vy, vz = velocity_ned_m_s
-        scale = max(abs(vz) - self._fast_z + 1.0, hypot(vx, vy) - self._fast_xy + 1.0, 1.0)
-        slope = -GRAVITY_M_S2 * thrust_up / (self.value * self.value)
-        noise = self._noise * scale * scale
-        innovation_variance = slope * slope * self.variance + noise
-        innovation = acceleration_up - self._predict(thrust_up)
-        ratio = innovation * innovation / (self._gate * self._gate * innovation_variance)
-        if ratio < 1.0:
-            gain = self.variance * slope / innovation_variance
-            low, high = max(self._start - self._range, 0.1), min(self._start + self._range, 0.9)
-            self.value = min(max(self.value + gain * innovation, low), high)
-            self.variance = min(max((1.0 - gain * slope) * self.variance, 1e-10), 1.0)
-        elif abs(self._ratio) > 0.2:
-            self.variance += 1e3 * self._process * dt
-        self._learn(
-            acceleration_up - self._predict(thrust_up), slope, min(ratio, 1.0) * (1 if innovation > 0 else -1), dt
-        )
-        self._judge(ratio, dt)
-
-    def _predict(self, thrust_up: float) -> float:
-        return GRAVITY_M_S2 * thrust_up / self.value - GRAVITY_M_S2
-
-    def _learn(self, residual: float, slope: float, signed_ratio: float, dt: float) -> None:
-        share = dt / (_RESIDUAL_TIME_S + dt)
-        self._residual += share * (residual - self._residual)
-        self._ratio += share * (signed_ratio - self._ratio)
-        share = dt / (_NOISE_TIME_S + dt)
-        steady = residual - self._residual
-        sample = steady * steady + slope * slope * self.variance
-        self._noise = min(max(self._noise + share * (sample - self._noise), 1.0), 400.0)
-
-    def _judge(self, ratio: float, dt: float) -> None:
-        good = self.variance < _VALID_VARIANCE and (self.is_valid or ratio < 1.0)
-        self._good_for_s = self._good_for_s + dt if good else 0.0
-        self.is_valid = good and (self.is_valid or self._good_for_s >= _VALID_AFTER_S)
+        self.state = fuse(self.state, self.settings, acceleration_up, thrust_up, velocity_ned_m_s, dt)

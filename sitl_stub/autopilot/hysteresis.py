@@ -21,6 +21,11 @@ class Hysteresis:
             self.state = True
         return self.state
 
+    @property
+    def is_pending(self) -> bool:
+        """The condition holds and the flag waits, or is on because of it."""
+        return self._requested_since_us is not None
+
     def reset(self, state: bool) -> None:
         """Set the flag without delay."""
         self.state = state

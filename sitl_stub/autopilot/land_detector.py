@@ -19,7 +19,7 @@ _MINIMUM_THRUST_FRACTION = 0.1
 _DESCENT_FACTOR = 1.1
 _WIDE_THRESHOLD_FACTOR = 2.5
 _WIDE_THRESHOLD_AFTER_LANDING_US = 2_000_000
-_CLOSE_TO_GROUND_M = 1.0
+CLOSE_TO_GROUND_M = 1.0
 _STAGES = 3
 _RANGE_SENSOR_SLOWER = 3
 
@@ -74,6 +74,19 @@ class LandDetector:
     def maybe_landed(self) -> bool:
         return self._maybe.state
 
+    def contact_limits(self) -> tuple[float, float, float]:
+        """Thrust, vertical and horizontal speed (m/s) above which nothing is ground contact, long after the last landing."""
+        return self._low_thrust, self._vz_max_m_s, self._vxy_max_m_s
+
+    def is_idle(self, t_us: int) -> bool:
+        """Sees nothing like a landing, and has not for so long that its thresholds are the narrow ones."""
+        seen = self._contact.state or self._maybe.state or self._landed.state or self._contact.is_pending
+        return not seen and t_us - self._last_landed_us >= _WIDE_THRESHOLD_AFTER_LANDING_US
+
+    def descends(self, setpoint_m_s: float | None) -> bool:
+        """The setpoint is a commanded descent."""
+        return setpoint_m_s is not None and setpoint_m_s >= self._descent_m_s
+
     def begin_in_air(self, t_us: int) -> None:
         """Start of a scenario in flight."""
         for stage in (self._contact, self._maybe, self._landed):
@@ -110,7 +123,7 @@ class LandDetector:
         moves_vertically = abs(vz) > self._vz_max_m_s * self._threshold_factor(t_us)
         moves_sideways = hypot(vx, vy) > self._vxy_max_m_s
         descends = seen.descent_setpoint_m_s is not None and seen.descent_setpoint_m_s >= self._descent_m_s
-        near = seen.height_above_ground_m is None or seen.height_above_ground_m < _CLOSE_TO_GROUND_M
+        near = seen.height_above_ground_m is None or seen.height_above_ground_m < CLOSE_TO_GROUND_M
         return near and (low_thrust or descends) and not moves_sideways and not moves_vertically
 
     def _is_maybe_landed(self, t_us: int, seen: LandDetectorInput) -> bool:

@@ -10,7 +10,7 @@ normalised 0..1. Pure functions on flat tuples (numba compiles them); called by 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import acos, cos, hypot, inf, isfinite, nan, radians, sin, sqrt
+from math import acos, cos, inf, isfinite, nan, radians, sin, sqrt
 from typing import NamedTuple
 
 from sitl_stub.compiled import used_by_kernels
@@ -111,13 +111,13 @@ def is_flyable(setpoint: Motion, state: Motion) -> bool:
 def constrain_xy(x0: float, y0: float, x1: float, y1: float, limit: float) -> tuple[float, float]:
     """Sum of two vectors with a limited length; the first one has priority, the second is shortened."""
     x, y = x0 + x1, y0 + y1
-    if hypot(x, y) <= limit:
+    if sqrt(x * x + y * y) <= limit:
         return x, y
-    first = hypot(x0, y0)
+    first = sqrt(x0 * x0 + y0 * y0)
     if first >= limit:
         return x0 / first * limit, y0 / first * limit
-    second = hypot(x1, y1)
-    if first < 1e-3 or hypot(x1 - x0, y1 - y0) < 1e-3:
+    second = sqrt(x1 * x1 + y1 * y1)
+    if first < 1e-3 or abs(x1 - x0) + abs(y1 - y0) < 1e-3:
         return x1 / second * limit, y1 / second * limit
     ux, uy = x1 / second, y1 / second
     along = ux * x0 + uy * y0
@@ -153,7 +153,7 @@ def _thrust_direction(ax: float, ay: float, az: float, decoupled: bool, tilt_max
     bx, by, bz = bx / length, by / length, bz / length
     if bz < cos(tilt_max):
         tilt = min(acos(min(max(bz, -1.0), 1.0)), tilt_max)
-        flat = hypot(bx, by)
+        flat = sqrt(bx * bx + by * by)
         if flat < 1e-9:
             bx, by, flat = 1.0, 0.0, 1.0
         scale = sin(tilt) / flat
@@ -195,7 +195,7 @@ def control_position(
         ez = 0.0
 
     # Height first, with a margin for xy; then what is left for xy.
-    flat = hypot(tx, ty)
+    flat = sqrt(tx * tx + ty * ty)
     square = limits.thrust_max * limits.thrust_max
     reserved = min(flat, gains.horizontal_margin)
     tz = max(tz, -sqrt(max(square - reserved * reserved, 0.0)))

@@ -1,0 +1,342 @@
+"""Steady flight in one call for many steps: estimate, control cascade and rigid body as one kernel over flat state.
+
+`World` asks `fly` for as many 4 ms steps as nothing else happens in (no contact near, no sensor, beacon or camera due, no gust
+drawn). The kernel stops early at a step in which the autopilot has to decide something; the step goes on after `Autopilot.decide`.
+What the vehicle's messages are made of is kept for each step and packed afterwards. Between `enter` and `leave` the flat state is
+the vehicle's; `Multirotor`, `Estimator` and `Cascade` show it when somebody may look. Bytes are the same as without it.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from sitl_stub.autopilot.attitude_control import AttitudeGains
+from sitl_stub.autopilot.autopilot import Autopilot
+from sitl_stub.autopilot.estimate import MOST_NUMBERS_A_STEP, ErrorModel, step_estimate
+from sitl_stub.autopilot.estimate import SIZE as ESTIMATE_SIZE
+from sitl_stub.autopilot.hover_thrust import HoverSettings
+from sitl_stub.autopilot.land_detector import CLOSE_TO_GROUND_M
+from sitl_stub.autopilot.low_pass import Butterworth
+from sitl_stub.autopilot.position_control import UNSET_MOTION, Motion, PositionGains
+from sitl_stub.autopilot.rate_control import RateGains
+from sitl_stub.autopilot.steady_control import SIZE as CONTROL_SIZE
+from sitl_stub.autopilot.steady_control import STEP_S, Asked, LoopConstants, control
+from sitl_stub.compiled import COMPILED, compiled, room, used_by_kernels
+from sitl_stub.multirotor import Body, BodyState, Loads, Motors, Multirotor, advance, truth_of
+from sitl_stub.rotation import Vec3
+
+STEP_US = 4000
+MOST_STEPS = 50
+_BODY_SIZE = 20
+_DECISION_PERIOD_US = 8000.0
+
+
+class GroundContactLimits(NamedTuple):
+    """When the land detector would see ground contact, were the range right too."""
+
+    low_thrust: float
+    vertical_m_s: float
+    horizontal_m_s: float
+
+
+class FlightConstants(NamedTuple):
+    """All that stays the same while the vehicle flies steadily."""
+
+    body: Body
+    health: Motors
+    model: ErrorModel
+    loops: LoopConstants
+    contact: GroundContactLimits
+
+
+@used_by_kernels
+def _constants_from_flat(c: Any) -> FlightConstants:
+    """The constants from their numbers one after the other: a compiled kernel takes an array faster than tuples in tuples."""
+    body = Body(
+        c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7], c[8], c[9], c[10], c[11], c[12], c[13], c[14], c[15], c[16]
+    )
+    health = (c[17], c[18], c[19], c[20])
+    model = ErrorModel(
+        (c[21], c[22], c[23], c[24], c[25]),
+        (c[26], c[27], c[28], c[29], c[30]),
+        (c[31], c[32], c[33], c[34], c[35], c[36], c[37]),
+        (c[38], c[39], c[40], c[41], c[42], c[43], c[44]),
+        (c[45], c[46], c[47], c[48], c[49], c[50], c[51]),
+        c[52],
+        (c[53], c[54], c[55]),
+        (c[56], c[57], c[58]),
+        Butterworth(c[59], c[60], c[61], c[62], c[63]),
+        c[64],
+    )
+    rate = RateGains(
+        (c[65], c[66], c[67]),
+        (c[68], c[69], c[70]),
+        (c[71], c[72], c[73]),
+        (c[74], c[75], c[76]),
+        (c[77], c[78], c[79]),
+        c[80],
+    )
+    attitude = AttitudeGains(c[81], c[82], c[83], c[84], c[85], c[86], c[87])
+    position = PositionGains(c[88], c[89], c[90], c[91], c[92], c[93], c[94], c[95], c[96], c[97] > 0.5)
+    hover = HoverSettings(c[98], c[99], c[100], c[101], c[102], c[103], c[104])
+    loops = LoopConstants(
+        rate, attitude, position, hover, c[105] > 0.5, c[106], c[107], c[108], c[109], c[110], c[111], c[112], c[113]
+    )
+    return FlightConstants(body, health, model, loops, GroundContactLimits(c[114], c[115], c[116]))
+
+
+@used_by_kernels
+def _asked_from_flat(c: Any) -> Asked:
+    return Asked(Motion(c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7], c[8]), c[9], c[10], c[11] > 0.5, c[12] > 0.5)
+
+
+def _same(value: Any) -> Any:
+    return value
+
+
+def _flat(value: Any) -> list[float]:
+    """The numbers of tuples in tuples, one after the other."""
+    return [number for part in value for number in _flat(part)] if isinstance(value, tuple) else [float(value)]
+
+
+_constants_of = _constants_from_flat if COMPILED else _same
+_asked_of = _asked_from_flat if COMPILED else _same
+
+
+def _for_kernel(value: Any) -> Any:
+    """Constants as the kernel takes them."""
+    return room(_flat(value)) if COMPILED else value
+
+
+@used_by_kernels
+def _seems_landed(k: Any, e: Any, limits: GroundContactLimits, asked: Asked) -> bool:
+    """The land detector's first condition; it decides, this only calls it."""
+    if not asked.is_near_ground or not (asked.descends or k[10] <= limits.low_thrust):
+        return False
+    vx, vy, most = e[53], e[54], limits.horizontal_m_s
+    return bool(abs(e[55]) <= limits.vertical_m_s and vx * vx + vy * vy <= most * most * 1.000001)
+
+
+@used_by_kernels
+def _put_body(row: Any, state: BodyState, acceleration: Vec3) -> None:
+    row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8] = state[:9]
+    row[9], row[10], row[11], row[12], row[13], row[14], row[15], row[16] = state[9:]
+    row[17], row[18], row[19] = acceleration
+
+
+@compiled
+def fly_steadily(
+    b: Any,
+    e: Any,
+    k: Any,
+    rows: Any,
+    tape: Any,
+    at: int,
+    constants: Any,
+    wanted: Any,
+    wind: Vec3,
+    steps: int,
+    quiet_steps: int,
+    is_estimated: bool,
+    kept_from: int,
+) -> tuple[int, bool, int]:
+    """Up to `steps` steps; gives how many were made, whether it waits for a decision, and the place on the tape.
+
+    Decisions of the first `quiet_steps` steps are known to change nothing. `is_estimated`: the first step's estimate and
+    decision are made. From step `kept_from` on, the state that messages are made of is kept in `rows`.
+    """
+    c, asked = _constants_of(constants), _asked_of(wanted)
+    state = BodyState(
+        b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7], b[8], b[9], b[10], b[11], b[12], b[13], b[14], b[15], b[16]
+    )
+    acceleration = (b[17], b[18], b[19])
+    loads = Loads(wind[0], wind[1], wind[2], 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    rows_b, rows_e, rows_k = rows
+    done, waits = 0, False
+    for i in range(steps):
+        if i > 0 or not is_estimated:
+            at = step_estimate(e, c.model, tape, at, state, acceleration, STEP_S, True, False)
+            k[52] += 4000.0
+            if k[52] >= _DECISION_PERIOD_US:
+                if i >= quiet_steps or _seems_landed(k, e, c.contact, asked):
+                    waits = True
+                    break
+                k[52] = 0.0
+        control(k, e, c.loops, asked)
+        if i >= kept_from:
+            _put_body(rows_b[i], state, acceleration)
+            rows_e[i][:] = e
+            rows_k[i][:] = k
+        state, acceleration = advance(state, c.body, (k[28], k[29], k[30], k[31]), c.health, loads, STEP_S)
+        done += 1
+    _put_body(b, state, acceleration)
+    return done, waits, at
+
+
+def _rows(width: int) -> Any:
+    return room([[0.0] * width for _ in range(MOST_STEPS)])
+
+
+def _plain(values: Any) -> list[float]:
+    """A flat state as a list of floats."""
+    return values.tolist() if COMPILED else values  # type: ignore[no-any-return]
+
+
+class SteadyFlight:
+    """One vehicle's flat state, and the way in and out of it."""
+
+    def __init__(self, vehicle: Multirotor, autopilot: Autopilot) -> None:
+        self._vehicle, self._autopilot = vehicle, autopilot
+        self._b, self._k = room([0.0] * _BODY_SIZE), room([0.0] * CONTROL_SIZE)
+        self._rows = (_rows(_BODY_SIZE), _rows(ESTIMATE_SIZE), _rows(CONTROL_SIZE))
+        self._is_in = False
+        self._is_estimated = False
+        self._is_shown = True
+        self._quiet_until_us = 0
+        self._seen: object = None
+        if COMPILED:
+            self._warm_up()
+
+    @property
+    def is_waiting(self) -> bool:
+        """A step has its estimate and its decision, and nothing more yet."""
+        return self._is_estimated
+
+    def _warm_up(self) -> None:
+        """Have the kernel loaded or compiled before the first flight, not in it."""
+        if fly_steadily.signatures:  # type: ignore[attr-defined]
+            return
+        estimator = self._autopilot.estimator
+        b, e, k = (room([0.0] * size) for size in (_BODY_SIZE, ESTIMATE_SIZE, CONTROL_SIZE))
+        tape = room([0.0] * MOST_NUMBERS_A_STEP)
+        asked = _for_kernel(Asked(UNSET_MOTION, 0.0, 0.0, False, False))
+        fly_steadily(
+            b,
+            e,
+            k,
+            self._rows,
+            tape,
+            0,
+            _for_kernel(self._constants(estimator.model)),
+            asked,
+            (0.0, 0.0, 0.0),
+            0,
+            0,
+            False,
+            0,
+        )
+
+    def _constants(self, model: ErrorModel) -> FlightConstants:
+        autopilot, vehicle = self._autopilot, self._vehicle
+        detector = autopilot.land_detector
+        limits = GroundContactLimits(*detector.contact_limits())
+        return FlightConstants(vehicle.body, vehicle.motor_health, model, autopilot.cascade.loop_constants(), limits)
+
+    # In and out -----------------------------------------------------------------------------------------------------
+
+    def enter(self) -> bool:
+        """Take the state over, if the flight is steady; True while it is in here."""
+        if self._is_in:
+            return True
+        autopilot, vehicle = self._autopilot, self._vehicle
+        if vehicle.on_surface or not autopilot.is_steady():
+            return False
+        self._c = _for_kernel(self._constants(autopilot.estimator.model))
+        _put_body(self._b, vehicle.state, vehicle.acceleration_ned_m_s2)
+        autopilot.cascade.put_flat(self._k)
+        self._k[52] = float(autopilot.since_decision_us)
+        self._ask(autopilot.asked())
+        self._seen = autopilot.disturbances()
+        self._is_in, self._is_shown, self._is_estimated, self._quiet_until_us = True, True, False, 0
+        return True
+
+    def _ask(self, asked: Asked) -> None:
+        self._asked, self._wanted = asked, _for_kernel(asked)
+
+    def leave(self, t_us: int) -> None:
+        """Give the state back. While it waits the step must be gone on with `Autopilot.finish_step`."""
+        if not self._is_in:
+            return
+        self.show(t_us)
+        self._autopilot.cascade.take_flat(_plain(self._k), self._asked)
+        self._autopilot.since_decision_us = round(self._k[52])
+        self._is_in = self._is_estimated = False
+
+    def show(self, t_us: int) -> None:
+        """Let the estimate be that of the last step, for somebody who reads it."""
+        if self._is_in and not self._is_shown:
+            self._autopilot.show(t_us - (0 if self._is_estimated else STEP_US), self._autopilot.estimator.flat)
+            self._is_shown = True
+
+    def look_again(self, t_us: int) -> None:
+        """Something was received: the next decision is made, and the state given back if more than a setpoint has changed."""
+        self._quiet_until_us = 0
+        if self._is_in and self._autopilot.disturbances() != self._seen:
+            self.leave(t_us)
+
+    # Flying ---------------------------------------------------------------------------------------------------------
+
+    def fly(self, t_us: int, steps: int, wind: Vec3, range_m: float | None) -> tuple[int, bool]:
+        """Fly up to so many steps from t_us; gives how many were flown, and whether the last one waits for `decide`."""
+        autopilot = self._autopilot
+        autopilot.estimator.estimate.height_above_bottom_m = range_m
+        tape = autopilot.estimator.tape
+        steps = min(steps, MOST_STEPS)
+        tape.reserve(steps * MOST_NUMBERS_A_STEP)
+        self._first_due_us = autopilot.next_message_us()
+        kept_from = max(0, -((t_us - self._first_due_us) // STEP_US)) if self._first_due_us > t_us else 0
+        quiet_steps = max(0, -((t_us - self._quiet_until_us) // STEP_US))
+        near = range_m is None or range_m < CLOSE_TO_GROUND_M
+        if near != self._asked.is_near_ground:
+            self._ask(self._asked._replace(is_near_ground=near))
+        done, waits, tape.at = fly_steadily(
+            self._b,
+            autopilot.estimator.flat,
+            self._k,
+            self._rows,
+            tape.numbers,
+            tape.at,
+            self._c,
+            self._wanted,
+            wind,
+            steps,
+            quiet_steps,
+            self._is_estimated,
+            kept_from,
+        )
+        self._is_estimated, self._is_shown = False, False
+        b = _plain(self._b)
+        self._vehicle.state = BodyState(*b[:17])
+        self._vehicle.acceleration_ned_m_s2 = (b[17], b[18], b[19])
+        return done, waits
+
+    def send(self, i: int, t_us: int, range_m: float | None) -> bool:
+        """Messages of the i-th step of the last flight, which was at t_us; False where none is due."""
+        autopilot = self._autopilot
+        if t_us < self._first_due_us:
+            return False
+        rows_b, rows_e, rows_k = self._rows
+        autopilot.show(t_us, rows_e[i])
+        b, k = _plain(rows_b[i]), _plain(rows_k[i])
+        autopilot.cascade.show_flat(k, self._asked)
+        truth = truth_of(BodyState(*b[:17]), (b[17], b[18], b[19]), False)
+        autopilot.send(t_us, truth, range_m, (k[28], k[29], k[30], k[31]))
+        self._first_due_us = autopilot.next_message_us()
+        return True
+
+    def decide(self, t_us: int, range_m: float | None) -> bool:
+        """The decision that the flight waits for; False when it is no longer steady (and the state has been given back)."""
+        autopilot = self._autopilot
+        autopilot.show(t_us, autopilot.estimator.flat)
+        self._is_shown = self._is_estimated = True
+        autopilot.estimator.estimate.height_above_bottom_m = range_m
+        autopilot.cascade.thrust_setpoint = float(self._k[10])
+        dt_s = float(self._k[52]) * 1e-6
+        self._k[52] = 0.0
+        autopilot.decide(t_us, dt_s)
+        if not autopilot.is_steady() or autopilot.disturbances() != self._seen:
+            self.leave(t_us)
+            return False
+        self._ask(autopilot.asked())
+        self._quiet_until_us = autopilot.quiet_until_us(t_us)
+        return True
