@@ -248,6 +248,27 @@ def log_plot(
         _fail(str(error))
 
 
+@app.command("make-pad")
+def make_pad(
+    config: ConfigFiles = None,
+    settings: Settings = None,
+    out: Annotated[Path, typer.Option(help="Folder for the drawing and the layout file.")] = Path("."),
+    name: Annotated[str, typer.Option(help="Name of the files, without a suffix.")] = "pad",
+    formats: Annotated[list[str] | None, typer.Option("--format", help="pdf, svg or png; may be given again.")] = None,
+    dots_per_inch: Annotated[int, typer.Option("--dpi", min=10, max=1200, help="Of a PNG.")] = 150,
+) -> None:
+    """Draw the configured pad at true scale, to print: -c configs/pads/nested.toml."""
+    from companion.make_pad import write_pad
+
+    pad = _config(config, settings).pad
+    try:
+        paths = write_pad(pad, out, name, formats=tuple(formats or ["pdf"]), dots_per_inch=dots_per_inch)
+    except (ValueError, OSError) as error:
+        _fail(str(error))
+    for path in paths:
+        print(path)
+
+
 @app.command("check-config")
 def check_config(config: ConfigFiles = None, settings: Settings = None) -> None:
     """Check configuration files and print the whole configuration as JSON."""
