@@ -11,6 +11,7 @@ import io
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -175,13 +176,20 @@ def ulog_inputs(path: Path) -> LogInputs:
     """State, status, range, thrust and setpoints of a PX4 flight log; times are PX4's boot clock."""
     topics = {data.name: data.data for data in reversed(read_ulog(path, _TOPICS).data_list)}
     rows = [row for name in _TOPICS if name in topics for row in _rows(name, topics[name])]
-    rows.sort(key=lambda row: row[0])
-    found = LogInputs(iter(()), first_ns=rows[0][0] if rows else None)
-    found.messages = _translated(rows, found)
+    kept = _longest_stretch(sorted(rows, key=lambda row: row[0]))
+    found = LogInputs(iter(()), skipped=len(rows) - len(kept), first_ns=kept[0][0] if kept else None)
+    found.messages = _translated(kept, found)
     return found
 
 
 Row = tuple[int, str, dict[str, Any]]
+
+
+def _longest_stretch(rows: list[Row]) -> list[Row]:
+    """The rows between two long silences that are most: damaged times stand far out."""
+    cuts = [i for i in range(1, len(rows)) if rows[i][0] - rows[i - 1][0] > LONGEST_GAP_US * 1000]
+    stretches = [rows[a:b] for a, b in pairwise([0, *cuts, len(rows)])]
+    return max(stretches, key=len)
 
 
 def _rows(name: str, columns: dict[str, Any]) -> list[Row]:
@@ -204,7 +212,11 @@ class _UlogState:
 def _translated(rows: list[Row], found: LogInputs) -> Iterator[tuple[int, SensorInput]]:
     known = _UlogState()
     for t_ns, name, row in rows:
-        message = _READERS[name](row, t_ns, known, found)
+        try:
+            message = _READERS[name](row, t_ns, known, found)
+        except KeyError:  # a topic of another version of PX4
+            found.skipped += 1
+            continue
         if message is not None:
             yield t_ns, message
         if known.status is not None and t_ns - known.told_ns >= STATUS_PERIOD_NS:
@@ -232,8 +244,9 @@ def _rates(row: dict[str, Any], _t_ns: int, known: _UlogState, _: LogInputs) -> 
 
 
 def _on_status(row: dict[str, Any], t_ns: int, known: _UlogState, _: LogInputs) -> SensorInput:
+    status = _status(known, row, t_ns)
     known.status, known.told_ns = row, t_ns
-    return _status(known, row, t_ns)
+    return status
 
 
 def _status(known: _UlogState, row: dict[str, Any], t_ns: int) -> VehicleStatus:
