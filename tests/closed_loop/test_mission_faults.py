@@ -1,0 +1,142 @@
+"""The mission against faults, in lockstep with the simulator's autopilot and physics. Seeds are listed.
+
+Two things must hold whatever breaks: motors never stop in the air, and after a silence that made the autopilot act by itself
+Companion sends nothing until a person says START.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from geometric_rig import Rig
+
+from companion.config import Config, Mission, Safety, Zone
+from companion.messages import (
+    AutopilotMode,
+    CommandKind,
+    OperatorAction,
+    Phase,
+    VehicleCommand,
+    VehicleStatus,
+    VelocitySetpoint,
+)
+
+pytestmark = pytest.mark.timeout(300)
+
+
+def assert_motors_stopped_on_the_pad_only(rig: Rig) -> None:
+    assert not rig.world.verdict().forced_disarm_in_air
+    if Phase.TOUCHDOWN not in rig.phases():
+        assert not [c for c in rig.messages(VehicleCommand) if c.kind in (CommandKind.DISARM, CommandKind.FORCE_DISARM)]
+
+
+@pytest.mark.parametrize(
+    ("phase", "cut_s"),
+    [
+        (Phase.SEARCH, 0.5),
+        (Phase.FOLLOW, 0.5),
+        (Phase.DESCEND, 0.5),
+        (Phase.COMMIT, 0.5),
+        (Phase.FOLLOW, 1.3),
+        (Phase.COMMIT, 1.3),
+        (Phase.DESCEND, 3.0),
+    ],
+)
+def test_a_cut_link_is_survived_or_final_and_offboard_is_never_taken_back(phase: Phase, cut_s: float) -> None:
+    rig = Rig({})
+    rig.run_to(phase)
+    rig.run(0.3)
+    rig.cut = True
+    rig.run(cut_s)
+    rig.cut = False
+    back_s = rig.now_s
+    rig.run(1.5 if cut_s < 1.0 else 4.0, lambda: rig.ending != "flying")
+    assert_motors_stopped_on_the_pad_only(rig)
+    if cut_s < 1.0:
+        assert Phase.IDLE not in rig.phases(), "short enough to go on"
+        return
+    assert rig.phase is Phase.IDLE, rig.onboard.pipeline.note
+    assert rig.messages(VelocitySetpoint, after_s=back_s) == []
+    assert rig.messages(VehicleCommand, after_s=back_s) == []
+    modes = {status.mode for status in rig.messages(VehicleStatus, after_s=back_s + 1.0)}
+    assert AutopilotMode.OFFBOARD not in modes
+
+
+def test_a_program_that_stood_still_for_over_a_second_does_not_fly_on() -> None:
+    rig = Rig({})
+    rig.run_to(Phase.DESCEND)
+    rig.paused = True
+    rig.run(1.2)
+    rig.paused = False
+    back_s = rig.now_s
+    rig.run(3.0)
+    assert rig.phase is Phase.IDLE, rig.onboard.pipeline.note
+    assert rig.messages(VelocitySetpoint, after_s=back_s) == []
+
+
+def test_a_program_that_stood_still_for_half_a_second_flies_on_and_lands() -> None:
+    rig = Rig({})
+    rig.run_to(Phase.DESCEND)
+    rig.paused = True
+    rig.run(0.5)
+    rig.paused = False
+    assert rig.fly_out(40.0) == "on_pad"
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [
+        {"kind": "range_stuck", "when_below_m": 3.0},
+        {"kind": "range_lost", "when_below_m": 4.0},
+        {"kind": "camera_blackout", "when_below_m": 0.6},
+        {"kind": "camera_freeze", "when_below_m": 0.4},
+        {"kind": "datagram_loss", "fraction": 0.2, "start_s": 4.0},
+        {"kind": "estimator_reset", "north_m": 2.0, "down_m": 1.0, "start_s": 10.0, "duration_s": 1.0},
+    ],
+    ids=lambda fault: str(fault["kind"]),
+)
+def test_no_fault_stops_motors_in_the_air(fault: dict[str, Any]) -> None:
+    rig = Rig({"faults": [fault]}, seed=2)
+    ending = rig.fly_out(30.0)
+    assert_motors_stopped_on_the_pad_only(rig)
+    assert ending in ("on_pad", "flying"), ending
+
+
+def test_a_camera_that_stops_for_good_leads_up_again_and_into_hold() -> None:
+    mission = Mission(search_time_s=3.0, pad_lost_s=3.0, vision_lost_follow_s=2.0)
+    faults = [{"kind": "camera_stop", "when_below_m": 3.0}, {"kind": "beacon_lost", "when_below_m": 3.0}]
+    rig = Rig({"faults": faults}, Config(mission=mission))
+    rig.run_to(Phase.GO_AROUND)
+    rig.run_to(Phase.HOLD)
+    assert Phase.SEARCH in rig.phases()
+    assert_motors_stopped_on_the_pad_only(rig)
+
+
+def test_a_pad_in_a_no_land_zone_is_never_descended_to() -> None:
+    everywhere = Zone(name="lake", center_m=(0.0, 0.0), radius_m=1000.0)
+    rig = Rig({}, Config(safety=Safety(zones=(everywhere,))))
+    rig.run_to(Phase.FOLLOW)
+    rig.run(8.0)
+    assert rig.phase is Phase.FOLLOW
+    assert -rig.world.truth().vehicle_in_pad_m[2] > 3.5
+
+
+@pytest.mark.parametrize("height_m", [1.5, 0.7])
+def test_an_abort_near_the_deck_climbs_away_with_motors_running(height_m: float) -> None:
+    rig = Rig({}, seed=3)
+    assert rig.run(60.0, lambda: -rig.world.truth().vehicle_in_pad_m[2] < height_m)
+    rig.onboard.operate(OperatorAction.ABORT, "test", rig.now_ns)
+    rig.run_to(Phase.HOLD, 15.0)
+    rig.run(1.0)
+    assert rig.ending == "flying"
+    assert rig.messages(VehicleStatus)[-1].mode is AutopilotMode.HOLD
+    assert_motors_stopped_on_the_pad_only(rig)
+
+
+def test_a_start_without_a_camera_is_refused_and_says_so() -> None:
+    rig = Rig({"faults": [{"kind": "camera_stop"}]}, Config(mission=Mission(start_wait_s=1.0)))
+    rig.run(5.0)
+    assert rig.phase is Phase.IDLE
+    assert rig.onboard.pipeline.note == "START refused: no camera frames"
+    assert rig.messages(VehicleCommand) == []
