@@ -45,7 +45,11 @@ class KannalaBrandt:
         x, y, z = points_C.T
         across = np.hypot(x, y)
         theta = np.arctan2(across, z)
-        factor = np.where(across > _AXIS * np.abs(z), self._radius(theta) / np.maximum(across, 1e-300), 1.0 / np.maximum(np.abs(z), 1e-300))
+        factor = np.where(
+            across > _AXIS * np.abs(z),
+            self._radius(theta) / np.maximum(across, 1e-300),
+            1.0 / np.maximum(np.abs(z), 1e-300),
+        )
         return np.column_stack((self.cx_px + self.fx_px * x * factor, self.cy_px + self.fy_px * y * factor))
 
     def ray(self, pixels: Array) -> Array:

@@ -24,7 +24,7 @@ TRACK_SIGMA_RAD = math.radians(15.0)
 """How far the pad's predicted rotation may be off."""
 AMBIGUOUS_CHI2 = 13.8
 """The second pose is kept while it is no less likely than this against the first (chi-square of two tilts at 99.9 %)."""
-CLEARLY_WORSE_PX = 3.0
+CLEARLY_WORSE_PX = 1.5
 """Root mean square reprojection error above the better pose's at which the other needs no polishing."""
 _GAUSS_NEWTON_STEPS = 6
 
@@ -64,18 +64,18 @@ def planar_pose(
     # Corners that fit worse than sigma promises carry more error than sigma: the covariance follows what was seen.
     degrees_of_freedom = max(1, 2 * len(pixels) - 6)
     variance = max(sigma_px**2, min(fit.squared_error_px2 for fit in fits) / degrees_of_freedom)
-    ranked = sorted(fits, key=lambda fit: _surprise(fit, hint, variance))
-    best = ranked[0]
+    ranked = sorted(((_surprise(fit, hint, variance), k) for k, fit in enumerate(fits)))
+    best = fits[ranked[0][1]]
     covariance = _inverse(best.information_px2)
     if covariance is None:
         return None
-    second = ranked[1] if len(ranked) > 1 else None
+    rival = fits[ranked[1][1]] if len(ranked) > 1 and ranked[1][0] - ranked[0][0] < AMBIGUOUS_CHI2 else None
     return PlanarPose(
         position_m=(float(best.p[0]), float(best.p[1]), float(best.p[2])),
         q=_quaternion(best.R),
         position_covariance_m2=_mat3(covariance[:3, :3] * variance),
         rotation_covariance_rad2=_mat3(covariance[3:, 3:] * variance),
-        q_alternative=_quaternion(second.R) if second and _is_rival(best, second, hint, variance) else None,
+        q_alternative=_quaternion(rival.R) if rival is not None else None,
         reprojection_error_px=math.sqrt(best.squared_error_px2 / len(pixels)),
     )
 
@@ -136,7 +136,8 @@ def _polished(points_P: Array, pixels: Array, camera: CameraModel, R: Array, p: 
             return None
         p = p + step[:3]
         R = cv2.Rodrigues(step[3:])[0] @ R
-        if float(np.abs(step[3:]).max()) < 1e-5 and float(np.abs(step[:3]).max()) < 1e-5 * float(p[2]):
+        # Convergence is quadratic: after a step of a thousandth the rest is a millionth.
+        if float(np.abs(step[3:]).max()) < 1e-3 and float(np.abs(step[:3]).max()) < 1e-3 * float(np.abs(p).max()):
             break
     error = pixels - camera.project(points_P @ R.T + p)
     squared = float(np.sum(error * error))
@@ -165,10 +166,6 @@ def _surprise(fit: _Fit, hint: DetectionHint | None, variance: float) -> float:
         predicted = np.array(matrix_from_quaternion(hint.X_CP.q))
         total += (rotation_angle(predicted.T @ fit.R) / TRACK_SIGMA_RAD) ** 2
     return total
-
-
-def _is_rival(best: _Fit, second: _Fit, hint: DetectionHint | None, variance: float) -> bool:
-    return _surprise(second, hint, variance) - _surprise(best, hint, variance) < AMBIGUOUS_CHI2
 
 
 def rotation_angle(R: Array) -> float:

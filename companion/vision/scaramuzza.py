@@ -50,7 +50,9 @@ class Scaramuzza:
         x, y, z = points_C.T
         across = np.hypot(x, y)
         rho = self._radius(across, z)
-        factor = np.where(across > _AXIS * np.abs(z), rho / np.maximum(across, 1e-300), self.focal_px / np.maximum(np.abs(z), 1e-300))
+        factor = np.where(
+            across > _AXIS * np.abs(z), rho / np.maximum(across, 1e-300), self.focal_px / np.maximum(np.abs(z), 1e-300)
+        )
         return np.column_stack((self.cx_px + x * factor, self.cy_px + y * factor))
 
     def jacobian(self, points_C: Array) -> Array:
