@@ -6,7 +6,7 @@ One `DatagramChannel` a direction. Sans-IO: datagrams go in with the time, and c
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,8 +22,7 @@ from sitl_stub.faults import (
 LINK_FAULTS = (DatagramLoss, DatagramDelay, DatagramReorder, DatagramDuplicate, DatagramCorruption)
 
 
-@dataclass(frozen=True, slots=True)
-class Datagram:
+class Datagram(NamedTuple):
     """Bytes on one of the vehicle's links, "onboard" (14540) or "ground" (14550)."""
 
     link: str

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterable
 from functools import partial
+from itertools import repeat
 from math import isfinite, nan
 from typing import Any, Protocol
 
@@ -102,7 +103,7 @@ class MavlinkEndpoint:
         datagrams: list[tuple[str, bytes]] = []
         for name, link in self._links.items():
             if link.out:
-                datagrams += [(name, data) for data in link.out]
+                datagrams += zip(repeat(name), link.out)
                 link.out = []
         return datagrams
 

@@ -189,11 +189,15 @@ class SteadyFlight:
         self._vehicle, self._autopilot = vehicle, autopilot
         self._b, self._k = room([0.0] * _BODY_SIZE), room([0.0] * CONTROL_SIZE)
         self._rows = (_rows(_BODY_SIZE), _rows(ESTIMATE_SIZE), _rows(CONTROL_SIZE))
+        self._asked = Asked(UNSET_MOTION, 0.0, 0.0, False, False)
+        self._wanted = _for_kernel(self._asked)
         self._is_in = False
         self._is_estimated = False
         self._is_shown = True
-        self._quiet_until_us = 0
+        self._calm_until_us = 0
+        self._task_waits = False
         self._seen: object = None
+        self._reasons: object = None
         if COMPILED:
             self._warm_up()
 
@@ -247,11 +251,12 @@ class SteadyFlight:
         self._k[52] = float(autopilot.since_decision_us)
         self._ask(autopilot.asked())
         self._seen = autopilot.disturbances()
-        self._is_in, self._is_shown, self._is_estimated, self._quiet_until_us = True, True, False, 0
+        self._is_in, self._is_shown, self._is_estimated, self._calm_until_us = True, True, False, 0
         return True
 
     def _ask(self, asked: Asked) -> None:
-        self._asked, self._wanted = asked, _for_kernel(asked)
+        if asked != self._asked:
+            self._asked, self._wanted = asked, room([*asked[0], *asked[1:]]) if COMPILED else asked
 
     def leave(self, t_us: int) -> None:
         """Give the state back. While it waits the step must be gone on with `Autopilot.finish_step`."""
@@ -269,9 +274,14 @@ class SteadyFlight:
             self._is_shown = True
 
     def look_again(self, t_us: int) -> None:
-        """Something was received: the next decision is made, and the state given back if more than a setpoint has changed."""
-        self._quiet_until_us = 0
-        if self._is_in and self._autopilot.disturbances() != self._seen:
+        """Something was received: its setpoint is flown, and more than a setpoint is decided about or ends the steady flight."""
+        self._task_waits = False
+        if not self._is_in:
+            return
+        autopilot = self._autopilot
+        if autopilot.reasons_to_decide() != self._reasons:
+            self._calm_until_us = 0
+        if autopilot.disturbances() != self._seen:
             self.leave(t_us)
 
     # Flying ---------------------------------------------------------------------------------------------------------
@@ -285,7 +295,7 @@ class SteadyFlight:
         tape.reserve(steps * MOST_NUMBERS_A_STEP)
         self._first_due_us = autopilot.next_message_us()
         kept_from = max(0, -((t_us - self._first_due_us) // STEP_US)) if self._first_due_us > t_us else 0
-        quiet_steps = max(0, -((t_us - self._quiet_until_us) // STEP_US))
+        quiet_steps = max(0, -((t_us - self._calm_until_us) // STEP_US)) if self._task_waits else 0
         near = range_m is None or range_m < CLOSE_TO_GROUND_M
         if near != self._asked.is_near_ground:
             self._ask(self._asked._replace(is_near_ground=near))
@@ -319,6 +329,7 @@ class SteadyFlight:
         autopilot.show(t_us, rows_e[i])
         b, k = _plain(rows_b[i]), _plain(rows_k[i])
         autopilot.cascade.show_flat(k, self._asked)
+        autopilot.drain_battery(t_us - round(k[52]))
         truth = truth_of(BodyState(*b[:17]), (b[17], b[18], b[19]), False)
         autopilot.send(t_us, truth, range_m, (k[28], k[29], k[30], k[31]))
         self._first_due_us = autopilot.next_message_us()
@@ -333,10 +344,17 @@ class SteadyFlight:
         autopilot.cascade.thrust_setpoint = float(self._k[10])
         dt_s = float(self._k[52]) * 1e-6
         self._k[52] = 0.0
-        autopilot.decide(t_us, dt_s)
+        if t_us < self._calm_until_us and not self._task_waits:
+            autopilot.decide_task(t_us, dt_s)
+            if not autopilot.stays_calm(self._reasons, t_us):
+                self._calm_until_us = 0
+        else:
+            autopilot.decide(t_us, dt_s)
+            self._calm_until_us = autopilot.calm_until_us(t_us)
+            self._reasons = autopilot.reasons_to_decide()
+        self._task_waits = autopilot.task_waits
         if not autopilot.is_steady() or autopilot.disturbances() != self._seen:
             self.leave(t_us)
             return False
         self._ask(autopilot.asked())
-        self._quiet_until_us = autopilot.quiet_until_us(t_us)
         return True

@@ -183,8 +183,8 @@ class World:
     def _give_out(self, sent: list[tuple[str, bytes]], output: StepOutput) -> None:
         channel = self._from_vehicle
         if channel.is_clear():
-            for link, data in sent:
-                output.datagrams.append(Datagram(link, data))
+            if sent:
+                output.datagrams += map(Datagram._make, sent)
             return
         for link, data in sent:
             channel.send(Datagram(link, data), self.t_us)

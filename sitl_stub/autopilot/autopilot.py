@@ -137,7 +137,7 @@ class Autopilot:
         self._ground_station_lost = False
         self._descent_m_s: float | None = None
         self._parameter_changes = 0
-        self._decided_us = -DECISION_PERIOD_US - 4_000
+        self._drained_us = -DECISION_PERIOD_US - 4_000
         self.since_decision_us = DECISION_PERIOD_US
         self.telemetry = Telemetry(
             self.estimator.estimate,
@@ -238,8 +238,7 @@ class Autopilot:
 
     def decide(self, t_us: int, dt_s: float) -> None:
         """All that PX4 does when the estimator publishes a position: mode, flight task, take-off ramp, land detector."""
-        self.battery.step((t_us - self._decided_us) * 1e-6, self.commander.armed)
-        self._decided_us = t_us
+        self.drain_battery(t_us)
         if self._pilot_sticks is not None:
             self.manual_control.receive(self._pilot_sticks, t_us)
         self._follow_jumps()
@@ -285,15 +284,39 @@ class Autopilot:
             height_m is None or height_m < CLOSE_TO_GROUND_M,
         )
 
-    def quiet_until_us(self, t_us: int) -> int:
-        """Until then a decision changes nothing while nothing is received; 0 where that cannot be said."""
-        if self.commander.nav_state is not NavState.OFFBOARD or self.manual_control.was_seen or self._pilot_sticks:
+    def calm_until_us(self, t_us: int) -> int:
+        """Until then only the flight task has anything to decide while nothing is received; 0 where that cannot be said."""
+        if self.manual_control.was_seen or self._pilot_sticks or self.takeoff.state is not _FLIGHT:
             return 0
-        if not self.land_detector.is_idle(t_us) or not self.battery.is_settled or self.takeoff.state is not _FLIGHT:
+        if not self.land_detector.is_idle(t_us) or not self.battery.is_settled:
             return 0
         seen = self.endpoint.ground_station_seen_us
         lost_us: float = _NEVER_US if seen is None or self._ground_station_lost else self._ground_station_lost_us(seen)
         return int(min(self.commander.quiet_until_us, self.home.next_change_us, lost_us))
+
+    @property
+    def task_waits(self) -> bool:
+        """The flight task does nothing between setpoints received."""
+        return self.commander.nav_state is NavState.OFFBOARD
+
+    def reasons_to_decide(self) -> tuple[object, ...]:
+        """Changes when something received is more than a setpoint."""
+        c = self.commander
+        return c.mode_changes, c.health, self.manual_control.was_seen, self.endpoint.ground_station_seen_us
+
+    def stays_calm(self, reasons: object, t_us: int) -> bool:
+        """The flight task has changed nothing but its setpoint, and nothing looks like a landing."""
+        return self.reasons_to_decide() == reasons and self.land_detector.is_idle(t_us)
+
+    def decide_task(self, t_us: int, dt_s: float) -> None:
+        """The part of `decide` that is left while all is calm."""
+        self._setpoint = self._fly(t_us, dt_s)
+        self._detect_landing(t_us)
+
+    def drain_battery(self, t_us: int) -> None:
+        """Bring the battery up to the time of the last decision, made or left out."""
+        self.battery.step((t_us - self._drained_us) * 1e-6, self.commander.armed)
+        self._drained_us = t_us
 
     def show(self, t_us: int, flat: Any) -> None:
         """Let the estimate be a flat state's, at t_us."""

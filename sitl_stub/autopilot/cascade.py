@@ -118,6 +118,7 @@ class Cascade:
         self.hover_thrust_estimator.reset()
         self._saturated: Vec3 = _ZERO
         self._asked: tuple[TrajectorySetpoint, Motion] | None = None
+        self._flyable: tuple[TrajectorySetpoint, bool] | None = None
         self._last_velocity: Vec3 | None = None
         self._velocity_derivative: Vec3 = _ZERO
         self._since_position_us = POSITION_PERIOD_US
@@ -345,7 +346,9 @@ class Cascade:
             return False
         if self.is_holding_invalid_setpoint or not self._is_in_air or not self._is_free(constraints):
             return False
-        return is_flyable(self._flat(setpoint), _ORIGIN)
+        if self._flyable is None or self._flyable[0] is not setpoint:
+            self._flyable = (setpoint, is_flyable(self._flat(setpoint), _ORIGIN))
+        return self._flyable[1]
 
     def _is_free(self, c: FlightConstraints) -> bool:
         if not (c.armed and c.is_flying) or c.landed or c.maybe_landed or c.thrust_off:

@@ -21,10 +21,14 @@ class MessageType:
     fields: tuple[str, ...]
     struct: Struct = field(init=False)
     extra_byte: bytes = field(init=False)
+    id_low: int = field(init=False)
+    id_high: int = field(init=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "struct", Struct("<" + self.format))
         object.__setattr__(self, "extra_byte", bytes((self.crc_extra,)))
+        object.__setattr__(self, "id_low", self.id & 0xFFFF)
+        object.__setattr__(self, "id_high", self.id >> 16)
 
     def unpack(self, payload: bytes) -> tuple[float | int | bytes, ...]:
         """Values in wire order; MAVLink 2 cuts trailing zeros, MAVLink 1 the extensions: both are filled up with zeros."""

@@ -43,12 +43,9 @@ def encode(
 ) -> bytes:
     """Version 2 frame without signature (but with the signed flag in `incompat` when one will follow)."""
     payload = payload.rstrip(b"\0") or b"\0"
-    message_id = message_type.id
-    body = _BODY_V2.pack(
-        len(payload), incompat, 0, sequence, system_id, component_id, message_id & 0xFFFF, message_id >> 16
-    )
-    body += payload
-    return _MAGIC_V2 + body + _CRC.pack(crc16(body + message_type.extra_byte))
+    id_low, id_high, extra = message_type.id_low, message_type.id_high, message_type.extra_byte
+    body = _BODY_V2.pack(len(payload), incompat, 0, sequence, system_id, component_id, id_low, id_high) + payload
+    return b"".join((_MAGIC_V2, body, _CRC.pack(crc16(body + extra))))
 
 
 class FrameReader:
