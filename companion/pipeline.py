@@ -55,6 +55,11 @@ from companion.planning import PLANNERS
 from companion.planning.follower import FollowRequest, ReferenceFollower
 from companion.situation import Situation
 from companion.vision.detector import DetectionHint
+from companion.vision.field_of_view import half_field_rad, may_be_in_view
+from companion.vision.lens import from_config
+
+SURE_SIGMAS = 4.0
+"""Of the pad's position: what is further outside the picture than this is not looked for in every frame."""
 
 NO_PLAN_PATIENCE_NS = 1_000_000_000
 
@@ -80,6 +85,8 @@ class Pipeline:
         self._machine = Machine(config.mission, config.safety)
         self._follower = ReferenceFollower(PLANNERS[config.planning.planner](config.planning), config.planning)
         self._controller = CONTROLLERS[config.control.controller](config.control)
+        self._half_fields_rad = {name: half_field_rad(from_config(camera)) for name, camera in config.cameras.items()}
+        self._pad_radius_m = 0.5 * math.hypot(config.pad.length_m, config.pad.width_m)
         self._mounts = {name: mounted(camera) for name, camera in config.cameras.items()}
         self._situation = Situation(config, self._tracker)
         self._no_plan_since_ns: int | None = None
@@ -145,8 +152,13 @@ class Pipeline:
         X_WC = Transform(pose.q_ned_frd, pose.position_ned_m) @ mount
         down_camera = rotate(quaternion_conjugate(X_WC.q), (0.0, 0.0, 1.0))
         pad = self._tracker.estimate(t_ns)
-        if pad is None or pad.vision_age_s is None:
+        if pad is None:
             return DetectionHint(down_camera=down_camera)
+        if pad.vision_age_s is None:
+            p_CP = X_WC.inverse().point(pad.position_ned_m)
+            spread_m = self._pad_radius_m + SURE_SIGMAS * pad.position_sigma_m
+            is_expected = may_be_in_view(p_CP, spread_m, self._half_fields_rad[camera])
+            return DetectionHint(down_camera=down_camera, is_expected=is_expected)
         X_WP = Transform(quaternion_from_euler(pad.roll_rad, pad.pitch_rad, pad.yaw_rad), pad.position_ned_m)
         return DetectionHint(X_WC.inverse() @ X_WP, pad.position_sigma_m, down_camera)
 
@@ -278,7 +290,7 @@ class Pipeline:
             still = Reference(ZERO, ZERO, ZERO)
             return still, still
         if goal.style == "press":
-            pressing = Reference(ZERO, goal.velocity_m_s, ZERO)
+            pressing = Reference(ZERO, goal.velocity_m_s, (0.0, 0.0, self._config.mission.press_acceleration_m_s2))
             return pressing, pressing
         if goal.style == "pattern":
             return self._pattern(t_ns)

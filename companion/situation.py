@@ -47,6 +47,10 @@ class Prediction(Protocol):
     def estimate(self, t_ns: int) -> PadEstimate | None: ...
 
 
+CONTACT_FORESEEN_BELOW_M = 4.0
+"""Higher up the moment of contact is too far away to matter, and looking ahead is the dearest question to the estimator."""
+
+
 class Situation:
     """State: the latest of each message, where the flight began, and the touchdown evidence."""
 
@@ -137,7 +141,7 @@ class Situation:
         return fenced and inside(self.zones().no_fly, point_m) is None
 
     def _deck_at_contact(self, t_ns: int, position: Vec3 | None, pad: PadEstimate) -> PadEstimate:
-        if position is None:
+        if position is None or -position[2] > CONTACT_FORESEEN_BELOW_M:
             return pad
         in_s = min(time_to_contact_s(-position[2], self._config.mission), MAX_CONTACT_S)
         return self._prediction.estimate(t_ns + round(in_s * 1e9)) or pad

@@ -21,12 +21,14 @@ class DetectionHint:
 
     `X_CP` is the predicted pose of the pad in the camera at the capture time (None: no idea) and `position_sigma_m` the
     standard deviation of its position on each axis. `down_camera` is the unit direction of gravity in C, from the vehicle's
-    attitude: a pad is nearly level, which tells the two poses of a planar target apart.
+    attitude: a pad is nearly level, which tells the two poses of a planar target apart. `is_expected` is False where what is
+    known puts the pad surely outside the picture: such frames need not all be searched.
     """
 
     X_CP: Transform | None = None
     position_sigma_m: float = 1.0e3
     down_camera: Vec3 | None = None
+    is_expected: bool = True
 
 
 class Detector(Protocol):

@@ -9,6 +9,9 @@ from companion.messages import CameraImage, Health, PadNotSeen
 from companion.vision.detector import Detection, DetectionHint, Detector
 from companion.vision.frame_watch import PictureWatch
 
+SEARCHED_ANYWAY = 10
+"""One frame in so many is searched even where the pad cannot be expected: the beacon may be wrong."""
+
 
 class WatchedDetector:
     """A `Detector`. `take_health` gives what the watch noticed since it was asked last."""
@@ -24,6 +27,8 @@ class WatchedDetector:
         self._health += health
         if reason is not None:
             return PadNotSeen(frame.t_ns, frame.camera, self._name, reason)
+        if hint is not None and not hint.is_expected and frame.sequence % SEARCHED_ANYWAY:
+            return PadNotSeen(frame.t_ns, frame.camera, self._name, "outside the picture by the estimate")
         return self._detector.detect(frame, hint)
 
     def unreadable(self, t_ns: int, camera: str, text: str) -> Detection:
