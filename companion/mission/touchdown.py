@@ -27,6 +27,10 @@ DISBELIEF_M = 0.5
 
 STILL_VERTICAL_M_S = 0.2
 CARRIED_M_S = 0.5
+
+HELD_UP, SUSPECTED_AFTER_S = 0.4, 0.06
+"""Sinks less than this part of what is commanded: something carries. Enough to press on, not to stop motors."""
+
 LIGHT_THRUST = 0.75
 """Of the hover thrust: in the air this fraction would sink the vehicle at 2.5 m/s^2."""
 
@@ -63,7 +67,7 @@ class TouchdownDetector:
         self._config = config
         self._hover_thrust: float | None = None
         self._proven_for_s = 0.0
-        self._still_for_s = 0.0
+        self._held_up_for_s = 0.0
 
     def learn_hover_thrust(self, thrust_normalized: float, *, dt_s: float) -> None:
         """Called while the vehicle flies level and free; a first-order average."""
@@ -79,11 +83,12 @@ class TouchdownDetector:
         carried = signs.relative_speed_m_s is not None and signs.relative_speed_m_s < CARRIED_M_S
         light = self._is_light(signs.thrust_normalized)
         pressing = signs.commanded_sink_m_s > 0.0
-        self._still_for_s = self._still_for_s + dt_s if at_deck and still and pressing else 0.0
+        held_up = sinking is not None and sinking < HELD_UP * signs.commanded_sink_m_s
+        self._held_up_for_s = self._held_up_for_s + dt_s if at_deck and held_up and pressing else 0.0
         proven = at_deck and still and carried and light and pressing
         self._proven_for_s = self._proven_for_s + dt_s if proven else 0.0
         return TouchdownEvidence(
-            suspected=self._still_for_s >= 0.1,
+            suspected=self._held_up_for_s >= SUSPECTED_AFTER_S,
             airborne=self._is_airborne(signs),
             proven_for_s=self._proven_for_s,
             signs=self._words(signs) if proven else (),

@@ -75,3 +75,16 @@ def test_one_sign_that_drops_out_starts_the_clock_again() -> None:
 def test_clear_of_the_deck_is_airborne() -> None:
     assert weighed(replace(ON_DECK, height_m=1.0, range_m=1.0)).airborne
     assert not weighed(ON_DECK).airborne
+
+
+def test_a_descent_in_free_air_at_the_decks_height_raises_no_suspicion() -> None:
+    """Steady sinking reaches most of what is commanded: measured 0.55 of 0.72 m/s."""
+    falling = replace(ON_DECK, height_m=0.3, range_m=0.3, sink_rate_m_s=0.55, commanded_sink_m_s=0.72)
+    assert not weighed(falling).suspected
+
+
+def test_a_vehicle_still_tilting_onto_its_second_foot_is_suspected_and_not_proven() -> None:
+    tilting = replace(ON_DECK, sink_rate_m_s=0.25, commanded_sink_m_s=0.72)
+    evidence = weighed(tilting)
+    assert evidence.suspected
+    assert evidence.proven_for_s == 0.0
