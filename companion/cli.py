@@ -269,6 +269,30 @@ def make_pad(
         print(path)
 
 
+@app.command()
+def doctor(
+    config: ConfigFiles = None,
+    settings: Settings = None,
+    pad_speed: Annotated[float, typer.Option(min=0.0, help="How fast the pad will move, m/s.")] = 3.0,
+    seconds: Annotated[float, typer.Option(min=1.0, max=120.0, help="How long to listen.")] = 5.0,
+    runs: Annotated[Path, typer.Option(help="Where run folders will be made.")] = Path("runs"),
+    as_json: Annotated[bool, typer.Option("--json", help="One line of JSON.")] = False,
+) -> None:
+    """Before the flight: link, clocks, camera, pad, parameters, battery, home, disk, CPU. Flies nothing."""
+    from companion.doctor import command
+
+    loaded = _config(config, settings)
+    try:
+        findings = command.run_doctor(loaded, pad_speed_m_s=pad_speed, duration_s=seconds, runs=runs)
+    except ConfigError as error:
+        _fail(str(error))
+    if as_json:
+        print(command.as_json(findings))
+    else:
+        command.print_findings(findings, Console())
+    raise typer.Exit(command.exit_status(findings))
+
+
 @app.command("check-config")
 def check_config(config: ConfigFiles = None, settings: Settings = None) -> None:
     """Check configuration files and print the whole configuration as JSON."""
