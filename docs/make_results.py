@@ -13,9 +13,9 @@ import platform
 import sys
 from pathlib import Path
 
-from companion.campaign.campaign_file import fingerprint, load_campaign, samples
-from companion.campaign.command import statistics_of
-from companion.campaign.engine import ResultsFile
+from companion.campaign.campaign_file import load_campaign, samples
+from companion.campaign.command import results_folder, statistics_of
+from companion.campaign.results_file import stored_rows
 from companion.campaign.statistics import CellStatistics
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -31,11 +31,11 @@ def main(files: list[str]) -> None:
     for name in files:
         path = Path(name)
         campaign = load_campaign(path)
-        results = ResultsFile(ROOT / "runs" / f"campaign-{campaign.name}" / "samples.jsonl", fingerprint(campaign))
-        missing = sum(1 for sample in samples(campaign) if sample.index not in results.rows)
+        rows = stored_rows(results_folder(campaign) / "samples.jsonl")
+        missing = sum(1 for sample in samples(campaign) if sample.index not in rows)
         if missing:
             raise SystemExit(f"{name}: {missing} flights are missing; fly them first")
-        table = HEAD + "".join(_row(cell) for cell in statistics_of(campaign, results))
+        table = HEAD + "".join(_row(cell) for cell in statistics_of(campaign, rows))
         command = f"`companion campaign {path.as_posix()}`, seeds {campaign.first_seed} to {campaign.first_seed + campaign.seeds - 1}"
         sections.append(f"## {campaign.name}\n\n{command}.\n\n{table}")
         first = first or f'{table}\nMade by {command}; machine: {_machine()}. "In the air" counts disarms in the air.\n'
