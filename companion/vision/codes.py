@@ -18,7 +18,7 @@ from companion.vision.camera_model import Array
 
 MIN_CORRELATION = 0.7
 """Between grey levels and code. Readings of ground that look like a code by chance stay below 0.5."""
-MIN_CONTRAST = 12.0
+MIN_CONTRAST = 8.0
 """Grey levels between the border and what surrounds it."""
 
 

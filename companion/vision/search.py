@@ -1,8 +1,7 @@
 """Markers anywhere in an image, coarse to fine.
 
-Most of the time a marker is large enough to be read at a quarter of the image's size, for a sixteenth of the work. Each level
-looks at the candidates of best contrast; only when all levels found nothing does the last one look at every candidate, down
-to weak contrast, so that speed costs no range.
+Most of the time a marker is large enough to be read at a quarter of the image's size, for a sixteenth of the work. Finer levels
+follow only where that shows nothing, so that speed costs no range. Each level looks at the candidates of best contrast.
 """
 
 from __future__ import annotations
@@ -40,13 +39,14 @@ class Level:
     max_side_px: float = 160.0
 
 
-QUICK = (Level(4, 10.0, 25), Level(2, 10.0, 40, max_side_px=64.0), Level(1, 10.0, 60, max_side_px=48.0))
-THOROUGH = (Level(1, 5.0, 2000), Level(1, 14.0, 2000, window_px=9), Level(2, 5.0, 2000), Level(8, 5.0, 2000))
+LEVELS = (Level(4, 5.0, 25), Level(2, 6.0, 40, max_side_px=64.0), Level(1, 6.0, 60, max_side_px=48.0))
+"""Coarse to fine. Averaging takes the noise away that would ask for more contrast; a finer level looks only for what the
+coarser ones cannot read."""
 
 
 def first_found(grey: Image, book: CodeBook) -> list[Found]:
     """Markers of the first level that shows any. Corners are good to about half a pixel of that level."""
-    for level in (*QUICK, *THOROUGH):
+    for level in LEVELS:
         found = at_level(grey, book, level)
         if found:
             return found
