@@ -9,6 +9,7 @@ with bars 0.15 wide.
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import cv2
@@ -125,10 +126,10 @@ class CrossDetector:
     def _from_deck(self, grey: Image, part: region.Region, level: DetectionHint | None) -> Points | None:
         """The corners of the largest white quadrangle."""
         negative = np.asarray(cv2.bitwise_not(grey), dtype=np.uint8)
-        for shrink in _SHRINKS[:2]:
+        for shrink, contrast in itertools.product(_SHRINKS[:2], (10.0, 25.0, 40.0)):
             quads = dark_quads(
                 _part_of(negative, part, shrink),
-                window_px=41, contrast=10.0, min_side_px=12.0, max_side_px=1e4, limit=40,
+                window_px=41, contrast=contrast, min_side_px=12.0, max_side_px=1e4, limit=40,
             )  # fmt: skip
             side = np.linalg.norm(quads[:, 0] - quads[:, 2], axis=1)
             for quad in quads[np.argsort(-side)][:_DECK_CANDIDATES]:

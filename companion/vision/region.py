@@ -12,7 +12,7 @@ from companion.vision.detector import DetectionHint
 
 MARGIN = 0.25
 """A region is this fraction of the pad's image larger on each side, besides three sigma of the prediction."""
-ROTATION_SIGMA_RAD = 0.05
+ROTATION_SIGMA_RAD = 0.03
 """How far a predicted pose is turned against the true one: attitude error, and the pad's yaw."""
 
 
