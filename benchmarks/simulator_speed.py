@@ -1,12 +1,16 @@
 """How many simulated seconds the simulator makes in a second of one core, and where the time goes.
 
-    python benchmarks/simulator_speed.py [--seconds 20] [--repeat 3] [--json] [--mujoco] [--profile]
+    python benchmarks/simulator_speed.py [--seconds 20] [--repeat 3] [--json] [--fast|--plain] [--references] [--profile]
 
-Rows: flying without cameras (the autopilot's ground link off and on), flying with the 752 x 480 camera at 30 Hz rendered,
-standing on a moving deck (contact at 1 kHz), and one rendered frame. `--mujoco` adds a quadrotor in MuJoCo at 250 Hz with a
-small attitude and height controller in NumPy, if the package is installed, in the same run; it has no estimator, no
-autopilot, no messages, no wind, so it says what a bare physics loop costs and not what a substitute for PX4 does. The
-best of the repeats counts: everything else is other load. Run it on a quiet machine.
+Rows without cameras: OFFBOARD with setpoints at 25 Hz and hovering in AUTO.LOITER, each with the autopilot's ground link off
+and on (on, PX4 sends twice as many messages), and standing on a moving deck (contact at 1 kHz). Then flying with the 752 x 480 camera
+at 30 Hz rendered, and one frame. Each row is measured in a process of its own, plain (NUMBA_DISABLE_JIT=1) and with numba where it is
+installed. Time is the process's CPU time; "loop" is a fixed loop of plain Python in the same run, to tell a busy machine from a slow
+simulator: it takes about 0.07 s on the machine of docs/simulator.md when that is quiet. The best of the repeats counts.
+
+`--references` adds, where they are installed, MuJoCo (a quadrotor at 250 Hz with a small attitude and height controller in NumPy) and
+gym-pybullet-drones (its CtrlAviary at 240 Hz with its own DSLPIDControl). Both have neither estimator, autopilot nor messages nor
+wind: they say what a physics loop with a controller costs in Python, not what a substitute for PX4 does.
 """
 
 from __future__ import annotations
@@ -15,7 +19,10 @@ import argparse
 import cProfile
 import importlib.util
 import json
+import os
 import pstats
+import subprocess
+import sys
 import time
 from collections.abc import Callable
 from typing import Any
@@ -23,10 +30,17 @@ from typing import Any
 import msgspec
 
 from sitl_stub import scenario as scenarios
+from sitl_stub.compiled import COMPILED
+from sitl_stub.datagram_faults import Datagram
+from sitl_stub.mavlink.definitions import COMMAND_LONG, SET_POSITION_TARGET_LOCAL_NED
+from sitl_stub.mavlink.frame import encode
 from sitl_stub.scenario import Scenario
 from sitl_stub.world import World
 
 CHUNK_S = 0.02
+SETPOINT_EVERY = 2  # 25 Hz
+SETTLING_S = 0.4
+_LOOP_TURNS = 2_000_000
 
 
 def flying(*, cameras: bool, overrides: dict[str, Any] | None = None) -> Scenario:
@@ -34,16 +48,41 @@ def flying(*, cameras: bool, overrides: dict[str, Any] | None = None) -> Scenari
     return loaded if cameras else msgspec.structs.replace(loaded, cameras={})
 
 
-def run_world(scenario: Scenario, seconds: float) -> Callable[[], float]:
-    """A function that simulates so long and returns simulated seconds per second."""
+def setpoint(turn: int) -> Datagram:
+    """A slow flight north-east at the same height."""
+    values = (0, 0.0, 0.0, 0.0, 1.0, 0.5, 0.0, 0.0, 0.0, 0.0, 0.1, 0.0, 0b100111000111, 1, 1, 1)
+    packed = SET_POSITION_TARGET_LOCAL_NED.struct.pack(*values)
+    return Datagram("onboard", encode(SET_POSITION_TARGET_LOCAL_NED, packed, turn & 0xFF, 1, 191))
+
+
+def go_offboard() -> Datagram:
+    packed = COMMAND_LONG.struct.pack(1.0, 6.0, 0.0, 0.0, 0.0, 0.0, 0.0, 176, 1, 1, 0)
+    return Datagram("onboard", encode(COMMAND_LONG, packed, 0, 1, 191))
+
+
+def fly(world: World, seconds: float, *, offboard: bool) -> None:
+    for turn in range(round(seconds / CHUNK_S)):
+        datagrams = [setpoint(turn)] if offboard and turn % SETPOINT_EVERY == 0 else []
+        if offboard and turn == SETPOINT_EVERY:
+            datagrams.append(go_offboard())
+        world.step(CHUNK_S, datagrams)
+
+
+def run_world(
+    scenario: Scenario, seconds: float, *, offboard: bool = False, ground_link: bool = True
+) -> Callable[[], float]:
+    """A function that simulates so long and returns simulated seconds per second of CPU time."""
 
     def once() -> float:
         world = World(scenario, 1)
-        world.step(0.4)
-        begun = time.perf_counter()
-        for _ in range(round(seconds / CHUNK_S)):
-            world.step(CHUNK_S)
-        return seconds / (time.perf_counter() - begun)
+        if not ground_link:
+            world.autopilot.endpoint.silence("ground")
+        fly(world, SETTLING_S, offboard=offboard)
+        if offboard and world.autopilot.mode_name != "OFFBOARD":
+            raise RuntimeError("the vehicle is not in OFFBOARD")
+        begun = time.process_time()
+        fly(world, seconds, offboard=offboard)
+        return seconds / (time.process_time() - begun)
 
     return once
 
@@ -54,10 +93,10 @@ def frame_time(seconds: float) -> Callable[[], float]:
     def once() -> float:
         world = World(flying(cameras=True), 1, render=False)
         captures = [capture for _ in range(round(seconds / CHUNK_S)) for capture in world.step(CHUNK_S).captures]
-        begun = time.perf_counter()
+        begun = time.process_time()
         for capture in captures:
             capture.render()
-        return (time.perf_counter() - begun) / len(captures) * 1e3
+        return (time.process_time() - begun) / len(captures) * 1e3
 
     return once
 
@@ -81,7 +120,7 @@ def mujoco_loop(seconds: float) -> Callable[[], float]:
         model = mujoco.MjModel.from_xml_string(_MUJOCO_MODEL)
         data = mujoco.MjData(model)
         steps = round(seconds * 250.0)
-        begun = time.perf_counter()
+        begun = time.process_time()
         for _ in range(steps):
             q, w, p, v = data.qpos[3:7], data.qvel[3:6], data.qpos[0:3], data.qvel[0:3]
             lift = 2.0 * (9.81 + 2.0 * (10.0 - p[2]) - 2.0 * v[2])
@@ -89,24 +128,72 @@ def mujoco_loop(seconds: float) -> Callable[[], float]:
             roll, pitch = torque[0] / 0.68, torque[1] / 0.68
             data.ctrl[:] = lift / 4.0 + np.array([roll - pitch, pitch - roll, -roll - pitch, roll + pitch])
             mujoco.mj_step(model, data)
-        return seconds / (time.perf_counter() - begun)
+        return seconds / (time.process_time() - begun)
 
     return once
 
 
-def rows(seconds: float, with_mujoco: bool) -> list[tuple[str, str, Callable[[], float]]]:
-    found = [
-        ("flying, no camera", "x real time", run_world(flying(cameras=False), seconds)),
-        ("flying, camera rendered", "x real time", run_world(flying(cameras=True), 0.3 * seconds)),
+def pybullet_drones_loop(seconds: float) -> Callable[[], float]:
+    """One quadrotor of gym-pybullet-drones at 240 Hz, held by its own controller."""
+    import numpy as np
+
+    control = importlib.import_module("gym_pybullet_drones.control.DSLPIDControl")
+    environments = importlib.import_module("gym_pybullet_drones.envs.CtrlAviary")
+    model = importlib.import_module("gym_pybullet_drones.utils.enums").DroneModel.CF2X
+
+    def once() -> float:
+        environment = environments.CtrlAviary(drone_model=model, pyb_freq=240, ctrl_freq=240, gui=False)
+        controller = control.DSLPIDControl(drone_model=model)
+        action, target = np.zeros((1, 4)), np.array([0.0, 0.0, 1.0])
+        environment.reset()
+        begun = time.process_time()
+        for _ in range(round(240.0 * seconds)):
+            observation, *_ = environment.step(action)
+            action[0], _, _ = controller.computeControlFromState(1.0 / 240.0, observation[0], target_pos=target)
+        speed = seconds / (time.process_time() - begun)
+        environment.close()
+        return speed
+
+    return once
+
+
+def plain_loop() -> Callable[[], float]:
+    """Seconds of a fixed loop of plain Python."""
+
+    def once() -> float:
+        begun, x = time.process_time(), 0.0
+        for i in range(_LOOP_TURNS):
+            x = x * 0.5 + i
+        return time.process_time() - begun
+
+    return once
+
+
+def rows(seconds: float) -> list[tuple[str, str, Callable[[], float]]]:
+    silent = flying(cameras=False)
+    return [
+        ("offboard, ground link off", "x", run_world(silent, seconds, offboard=True, ground_link=False)),
+        ("offboard, ground link on", "x", run_world(silent, seconds, offboard=True)),
+        ("loiter, ground link off", "x", run_world(silent, seconds, ground_link=False)),
+        ("loiter, ground link on", "x", run_world(silent, seconds)),
         (
             "standing on a moving deck",
-            "x real time",
+            "x",
             run_world(flying(cameras=False, overrides={"vehicle.start": "deck"}), 0.5 * seconds),
         ),
+        ("loiter, camera rendered", "x", run_world(flying(cameras=True), 0.3 * seconds)),
         ("one frame 752 x 480", "ms", frame_time(0.3 * seconds)),
+        ("loop", "s", plain_loop()),
     ]
-    if with_mujoco and importlib.util.find_spec("mujoco") is not None:
-        found.append(("MuJoCo loop, same rate", "x real time", mujoco_loop(seconds)))
+
+
+def references(seconds: float) -> list[tuple[str, str, Callable[[], float]]]:
+    """Those that are installed."""
+    found: list[tuple[str, str, Callable[[], float]]] = []
+    if importlib.util.find_spec("mujoco") is not None:
+        found.append(("MuJoCo, 250 Hz, no autopilot", "x", mujoco_loop(seconds)))
+    if importlib.util.find_spec("gym_pybullet_drones") is not None:
+        found.append(("gym-pybullet-drones, 240 Hz", "x", pybullet_drones_loop(0.2 * seconds)))
     return found
 
 
@@ -121,23 +208,43 @@ def profile(seconds: float) -> None:
     pstats.Stats(profiler).sort_stats("tottime").print_stats(25)
 
 
+def measured(options: argparse.Namespace) -> None:
+    """Measure in this process and print."""
+    kind = "fast" if COMPILED else "plain"
+    chosen = rows(options.seconds) + (references(options.seconds) if options.references else [])
+    for name, unit, measure in chosen:
+        values = [measure() for _ in range(options.repeat)]
+        best = max(values) if unit == "x" else min(values)
+        if options.json:
+            print(json.dumps({"name": name, "kind": kind, "unit": unit, "best": best, "all": values}), flush=True)
+        else:
+            every = ", ".join(f"{value:.3g}" for value in values)
+            print(f"{kind:6s} {name:30s} {best:8.3g} {unit:3s} (all: {every})", flush=True)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=float, default=20.0, help="simulated time of a row")
     parser.add_argument("--repeat", type=int, default=3)
     parser.add_argument("--json", action="store_true")
-    parser.add_argument("--mujoco", action="store_true", help="add MuJoCo where it is installed")
+    parser.add_argument("--plain", action="store_true", help="only without numba")
+    parser.add_argument("--fast", action="store_true", help="only with numba")
+    parser.add_argument("--references", action="store_true", help="add other simulators where they are installed")
     parser.add_argument("--profile", action="store_true", help="also say where the time goes, without camera")
+    parser.add_argument("--here", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()
-    for name, unit, measure in rows(options.seconds, options.mujoco):
-        values = [measure() for _ in range(options.repeat)]
-        best = min(values) if unit == "ms" else max(values)
-        if options.json:
-            print(json.dumps({"name": name, "unit": unit, "best": best, "all": values}))
-        else:
-            print(f"{name:28s} {best:8.2f} {unit}   (all: {', '.join(f'{v:.2f}' for v in values)})")
-    if options.profile:
-        profile(options.seconds)
+    if options.here:
+        measured(options)
+        if options.profile:
+            profile(options.seconds)
+        return
+    both = not options.plain and not options.fast
+    for is_wanted, disabled in ((both or options.plain, "1"), (both or options.fast, "0")):
+        if is_wanted:
+            command = [sys.executable, *sys.argv, "--here"]
+            subprocess.run(
+                command, check=True, env={**os.environ, "NUMBA_DISABLE_JIT": disabled, "OMP_NUM_THREADS": "1"}
+            )
 
 
 if __name__ == "__main__":

@@ -24,7 +24,7 @@ from sitl_stub.mavlink.definitions import MESSAGE_TYPES, MessageType
 from sitl_stub.mavlink.frame import Frame
 from sitl_stub.mavlink.link import DISABLED, Link
 from sitl_stub.mavlink_timetable import FIRST_OTHERS_US, FIRST_US, TIMETABLES, least_interval_us
-from sitl_stub.stream_contents import CONTENTS, SILENT_STREAMS, event
+from sitl_stub.stream_contents import CONTENTS, NEEDS_ESTIMATE_ONLY, SILENT_STREAMS, event
 from sitl_stub.telemetry import Telemetry
 
 SYSTEM_ID = 1
@@ -78,7 +78,9 @@ class MavlinkEndpoint:
         self._links = {name: Link(name, SYSTEM_ID, COMPONENT_ID) for name in TIMETABLES}
         self._links["ground"].enabled = ground_link
         self._active = [link for link in self._links.values() if link.enabled]
+        self._contents = {name: partial(self._content, link) for name, link in self._links.items()}
         self._origin_sent = False
+        self.next_due_us = 0
         for link in self._links.values():
             self._fill_timetable(link, cold_boot)
 
@@ -90,6 +92,12 @@ class MavlinkEndpoint:
     @property
     def links(self) -> dict[str, Link]:
         return self._links
+
+    def silence(self, link_name: str) -> None:
+        """Send nothing on a link from now on; what comes in on it is still taken."""
+        self._links[link_name].enabled = False
+        self._active = [link for link in self._links.values() if link.enabled]
+        self._look_ahead()
 
     @property
     def ground_station_seen_us(self) -> int | None:
@@ -111,42 +119,48 @@ class MavlinkEndpoint:
         """Whether `step` has anything to send."""
         return self.next_due_us <= t_us
 
-    @property
-    def next_due_us(self) -> int:
-        """When `step` has something to send, at the earliest."""
+    def _look_ahead(self) -> None:
+        """Note when `step` has something to send, at the earliest."""
         if self._listings or not self._origin_sent:
-            return 0
-        return min([link.next_due_us for link in self._active], default=_NEVER_US)
+            self.next_due_us = 0
+        else:
+            self.next_due_us = min([link.next_due_us for link in self._active], default=_NEVER_US)
 
     def step(self, t_us: int) -> None:
         """Send what is due."""
         self._cache.clear()
         for link in self._active:
             if link.next_due_us <= t_us:
-                link.send_due(t_us, partial(self._content, link))
+                link.send_due(t_us, self._contents[link.name])
         if self._listings and t_us >= self._next_burst_us:
             self._next_burst_us = t_us + _PARAMETER_BURST_US
             self._send_parameter_burst()
         if not self._origin_sent and self._telemetry.home.is_set:
             self._origin_sent = True
             self._send_everywhere(mav.GPS_GLOBAL_ORIGIN)
+        self._look_ahead()
 
     def _send_everywhere(self, message_type: MessageType) -> None:
+        self._telemetry.complete()
         payload = CONTENTS[message_type.id](self._telemetry)
         if payload is not None:
             for link in self._links.values():
                 link.send(message_type, payload)
 
     def _content(self, link: Link, message_type: MessageType) -> bytes | None:
-        own = _LINK_CONTENTS.get(message_type.id)
-        if own is not None:
-            return own(self, link)
-        cache = self._cache
-        message_id = message_type.id
-        if message_id not in cache:
-            content = CONTENTS.get(message_id)
-            cache[message_id] = None if content is None else content(self._telemetry)
-        return cache[message_id]
+        """A stream's payload; both links send the same where both are due."""
+        cache, message_id = self._cache, message_type.id
+        if message_id in cache:
+            return cache[message_id]
+        content = CONTENTS.get(message_id)
+        if content is None:
+            own = _LINK_CONTENTS.get(message_id)
+            return None if own is None else own(self, link)
+        telemetry = self._telemetry
+        if telemetry.pending is not None and message_id not in NEEDS_ESTIMATE_ONLY:
+            telemetry.complete()
+        payload = cache[message_id] = content(telemetry)
+        return payload
 
     def _timesync(self, link: Link) -> bytes:
         return mav.TIMESYNC.struct.pack(0, self._telemetry.t_us * 1000, 0, 0)
@@ -205,11 +219,13 @@ class MavlinkEndpoint:
 
     def receive(self, link_name: str, data: bytes) -> None:
         """Bytes that came on a link."""
+        self._telemetry.complete()
         link = self._links[link_name]
         link.bytes_received += len(data)
         for frame in link.reader.read(data):
             link.messages_received += 1
             self._take(link, frame)
+        self._look_ahead()
 
     def _take(self, link: Link, frame: Frame) -> None:
         if (frame.system_id, frame.component_id) == (SYSTEM_ID, COMPONENT_ID) or not link.signing.accepts(frame):

@@ -196,6 +196,8 @@ class SteadyFlight:
         self._is_shown = True
         self._calm_until_us = 0
         self._task_waits = False
+        self._from_us = 0
+        self._pending: tuple[int, float | None, Any, Any, Asked] = (0, None, None, None, self._asked)
         self._seen: object = None
         self._reasons: object = None
         if COMPILED:
@@ -262,6 +264,8 @@ class SteadyFlight:
         """Give the state back. While it waits the step must be gone on with `Autopilot.finish_step`."""
         if not self._is_in:
             return
+        # First what messages are still to say of an earlier step: it passes through the cascade.
+        self._autopilot.telemetry.complete()
         self.show(t_us)
         self._autopilot.cascade.take_flat(_plain(self._k), self._asked)
         self._autopilot.since_decision_us = round(self._k[52])
@@ -293,8 +297,8 @@ class SteadyFlight:
         tape = autopilot.estimator.tape
         steps = min(steps, MOST_STEPS)
         tape.reserve(steps * MOST_NUMBERS_A_STEP)
-        self._first_due_us = autopilot.next_message_us()
-        kept_from = max(0, -((t_us - self._first_due_us) // STEP_US)) if self._first_due_us > t_us else 0
+        self._from_us = t_us
+        kept_from = max(0, -((t_us - autopilot.next_message_us()) // STEP_US))
         quiet_steps = max(0, -((t_us - self._calm_until_us) // STEP_US)) if self._task_waits else 0
         near = range_m is None or range_m < CLOSE_TO_GROUND_M
         if near != self._asked.is_near_ground:
@@ -320,20 +324,30 @@ class SteadyFlight:
         self._vehicle.acceleration_ned_m_s2 = (b[17], b[18], b[19])
         return done, waits
 
-    def send(self, i: int, t_us: int, range_m: float | None) -> bool:
-        """Messages of the i-th step of the last flight, which was at t_us; False where none is due."""
+    def next_message_step_us(self, t_us: int) -> int:
+        """The first step from t_us on in which a message is due."""
+        due_us = self._autopilot.next_message_us()
+        return t_us if due_us <= t_us else t_us - (t_us - due_us) // STEP_US * STEP_US
+
+    def send(self, t_us: int, range_m: float | None) -> None:
+        """Messages of the step at t_us of the last flight, if any are due."""
         autopilot = self._autopilot
-        if t_us < self._first_due_us:
-            return False
-        rows_b, rows_e, rows_k = self._rows
-        autopilot.show(t_us, rows_e[i])
-        b, k = _plain(rows_b[i]), _plain(rows_k[i])
-        autopilot.cascade.show_flat(k, self._asked)
+        if t_us < autopilot.next_message_us():
+            return
+        i = (t_us - self._from_us) // STEP_US
+        autopilot.show(t_us, self._rows[1][i])
+        self._pending = (t_us, range_m, self._rows[0][i].copy(), self._rows[2][i].copy(), self._asked)
+        autopilot.telemetry.pending = self._complete
+        autopilot.endpoint.step(t_us)
+
+    def _complete(self) -> None:
+        """What messages say besides the estimate, for the step they are of."""
+        t_us, range_m, row_b, row_k, asked = self._pending
+        autopilot, b, k = self._autopilot, _plain(row_b), _plain(row_k)
+        autopilot.cascade.show_flat(k, asked)
         autopilot.drain_battery(t_us - round(k[52]))
         truth = truth_of(BodyState(*b[:17]), (b[17], b[18], b[19]), False)
-        autopilot.send(t_us, truth, range_m, (k[28], k[29], k[30], k[31]))
-        self._first_due_us = autopilot.next_message_us()
-        return True
+        autopilot.fill_telemetry(truth, range_m, (k[28], k[29], k[30], k[31]))
 
     def decide(self, t_us: int, range_m: float | None) -> bool:
         """The decision that the flight waits for; False when it is no longer steady (and the state has been given back)."""

@@ -464,5 +464,18 @@ def event(notice: Notice, sequence: int, boot_ms: int) -> bytes:
     )
 
 
+NEEDS_ESTIMATE_ONLY = frozenset(
+    message.id
+    for message in (
+        mav.HEARTBEAT,
+        mav.ATTITUDE,
+        mav.ATTITUDE_QUATERNION,
+        mav.LOCAL_POSITION_NED,
+        mav.GLOBAL_POSITION_INT,
+        mav.ODOMETRY,
+    )
+)
+"""Made of the estimate, the commander and home alone."""
+
 # Known to PX4's stream list, with nothing to say here: SET_MESSAGE_INTERVAL is accepted, REQUEST_MESSAGE denied.
 SILENT_STREAMS = frozenset({mav.LANDING_TARGET.id, mav.RC_CHANNELS.id, 140, 192, 259, 285})

@@ -5,6 +5,7 @@ Written by the autopilot each step, read by stream_contents. W local NED, B FRD,
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from sitl_stub.autopilot.battery import Battery
@@ -47,6 +48,14 @@ class Telemetry:
     has_target: bool = False
     estimate_resets: int = 0
     event_sequence: int = 0
+    pending: Callable[[], None] | None = None
+    """Fills in what is not the estimate's, when a message needs it: steady flight leaves that undone."""
+
+    def complete(self) -> None:
+        """Fill in what is pending."""
+        pending, self.pending = self.pending, None
+        if pending is not None:
+            pending()
 
     @property
     def boot_ms(self) -> int:

@@ -233,8 +233,7 @@ class World:
         if done:
             self._wind.skip(done - 1, STEP_S)
             self._wind_ahead = None
-        for i in range(done):
-            self._end_steady_step(i, i == done - 1, range_m, output)
+            self._end_steady_steps(t_us, done, range_m, output)
         if waits and not steady.decide(self.t_us, self._range.value_m):
             truth = self.vehicle.truth()
             self._move(self.autopilot.finish_step(self.t_us, truth, self._range.value_m, STEP_S))
@@ -249,14 +248,19 @@ class World:
         steps = -((t_us - until_us) // STEP_US)
         return 1 if self._shelter > 0.0 else min(steps, 1 + self._wind.steady_steps(STEP_S))
 
-    def _end_steady_step(self, i: int, is_last: bool, range_m: float | None, output: StepOutput) -> None:
-        sent = self._steady.send(i, self.t_us, range_m)
-        self.t_us += STEP_US
-        if is_last:
-            self._judge.free(self.t_us * 1e-6, motors_run=True)
-            self._finish_step(output)
-        elif sent or not self._from_vehicle.is_clear():
+    def _end_steady_steps(self, t_us: int, done: int, range_m: float | None, output: StepOutput) -> None:
+        """Messages of the steps made since t_us, and what is due at the end of the last one."""
+        steady, last_us, is_clear = self._steady, t_us + (done - 1) * STEP_US, self._from_vehicle.is_clear()
+        at_us = steady.next_message_step_us(t_us) if is_clear else t_us
+        while at_us < last_us:
+            steady.send(at_us, range_m)
+            self.t_us = at_us + STEP_US
             self._give_out(self.autopilot.datagrams(), output)
+            at_us = steady.next_message_step_us(self.t_us) if is_clear else self.t_us
+        steady.send(last_us, range_m)
+        self.t_us = last_us + STEP_US
+        self._judge.free(self.t_us * 1e-6, motors_run=True)
+        self._finish_step(output)
 
     def _is_clear(self, t_us: int) -> bool:
         """Whether nothing can touch during the coming step; looks ahead as far as the distance allows."""

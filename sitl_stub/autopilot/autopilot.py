@@ -233,7 +233,7 @@ class Autopilot:
 
     def send(self, t_us: int, truth: VehicleTruth, range_m: float | None, motors: Motors) -> None:
         """Send the messages that are due."""
-        self._fill_telemetry(truth, range_m, motors)
+        self.fill_telemetry(truth, range_m, motors)
         self.endpoint.step(t_us)
 
     def decide(self, t_us: int, dt_s: float) -> None:
@@ -315,8 +315,9 @@ class Autopilot:
 
     def drain_battery(self, t_us: int) -> None:
         """Bring the battery up to the time of the last decision, made or left out."""
-        self.battery.step((t_us - self._drained_us) * 1e-6, self.commander.armed)
-        self._drained_us = t_us
+        if t_us > self._drained_us:
+            self.battery.step((t_us - self._drained_us) * 1e-6, self.commander.armed)
+            self._drained_us = t_us
 
     def show(self, t_us: int, flat: Any) -> None:
         """Let the estimate be a flat state's, at t_us."""
@@ -591,8 +592,10 @@ class Autopilot:
             return IN_AIR
         return {TargetKind.LAND: LANDING, TargetKind.TAKEOFF: TAKEOFF}.get(self._target.kind, IN_AIR)
 
-    def _fill_telemetry(self, truth: VehicleTruth, range_m: float | None, motors: Motors) -> None:
+    def fill_telemetry(self, truth: VehicleTruth, range_m: float | None, motors: Motors) -> None:
+        """Let the messages say what is now."""
         t, cascade = self.telemetry, self.cascade
+        t.pending = None
         t.truth = truth
         t.range_m = range_m
         t.motors = motors

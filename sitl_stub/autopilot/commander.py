@@ -268,9 +268,9 @@ class Commander:
         """Until then `step` does nothing new while the conditions stay as they are; 0 where that cannot be said."""
         is_plain = self.armed and self._has_flown and not (self.terminated or self.killed or self._landed)
         reported = self._reported == (self.nav_state, self._health, self.armed, self._landed)
-        if not (is_plain and reported and self._failsafe.is_idle and self.nav_state is self.user_mode):
+        if not (is_plain and self._failsafe.is_idle and self.nav_state is self.user_mode):
             return 0
-        return self._next_health_us
+        return self._next_health_us if reported else min(self._next_health_us, self._next_report_us)
 
     def finish_takeoff(self) -> None:
         """The take-off altitude is reached: PX4 goes on to loiter."""

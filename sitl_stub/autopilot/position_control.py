@@ -99,7 +99,9 @@ def position_gains(parameters: Mapping[str, float | int]) -> PositionGains:
 
 def is_flyable(setpoint: Motion, state: Motion) -> bool:
     """PX4's check: every axis controlled somehow, x and y in pairs, and an estimate for what is controlled."""
-    x, y, z, vx, vy, vz, ax, ay, az = (isfinite(value) for value in setpoint)
+    x, y, z = isfinite(setpoint.x), isfinite(setpoint.y), isfinite(setpoint.z)
+    vx, vy, vz = isfinite(setpoint.vx), isfinite(setpoint.vy), isfinite(setpoint.vz)
+    ax, ay, az = isfinite(setpoint.ax), isfinite(setpoint.ay), isfinite(setpoint.az)
     if x != y or vx != vy or ax != ay or not ((x or vx or ax) and (z or vz or az)):
         return False
     has_place = (not x or isfinite(state.x + state.y)) and (not z or isfinite(state.z))

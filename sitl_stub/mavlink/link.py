@@ -53,13 +53,12 @@ class Link:
         """Frame a payload and put it on the way."""
         if not self.enabled:
             return
-        if self.signing.is_active:
-            frame = self.signing.sign(
-                encode(message_type, payload, self._sequence, self._system_id, self._component_id, 1)
-            )
+        sequence, signing = self._sequence, self.signing
+        if signing.is_active:
+            frame = signing.sign(encode(message_type, payload, sequence, self._system_id, self._component_id, 1))
         else:
-            frame = encode(message_type, payload, self._sequence, self._system_id, self._component_id)
-        self._sequence = (self._sequence + 1) & 0xFF
+            frame = encode(message_type, payload, sequence, self._system_id, self._component_id)
+        self._sequence = (sequence + 1) & 0xFF
         self.messages_sent += 1
         self.bytes_sent += len(frame)
         self.out.append(frame)

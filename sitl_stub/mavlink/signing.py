@@ -22,17 +22,15 @@ class Signing:
 
     def __init__(self, link_id: int = 0) -> None:
         self._key: bytes | None = None
+        self.is_active = False
         self._link_id = link_id
         self._time = 0
         self._newest: dict[tuple[int, int, int], int] = {}
 
-    @property
-    def is_active(self) -> bool:
-        return self._key is not None
-
     def set_key(self, key: bytes, time: int) -> None:
         """Start signing with a 32-byte key; an all-zero key ends it."""
         self._key = key if any(key) else None
+        self.is_active = self._key is not None
         self._time = max(self._time, time)
         self._newest.clear()
 

@@ -1,0 +1,116 @@
+"""Many steps in one call, compiled or not, give the same bytes as one step at a time."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import subprocess
+import sys
+
+import msgspec
+import pytest
+
+from sitl_stub import scenario as scenarios
+from sitl_stub.datagram_faults import Datagram
+from sitl_stub.mavlink.definitions import COMMAND_LONG, SET_POSITION_TARGET_LOCAL_NED, MessageType
+from sitl_stub.mavlink.frame import encode
+from sitl_stub.steady_flight import SteadyFlight
+from sitl_stub.world import World
+
+TURN_S = 0.1
+FAULTS = [
+    {"kind": "estimator_reset", "north_m": 1.0, "start_s": 1.5, "duration_s": 0.5},
+    {"kind": "gps_loss", "start_s": 2.0, "duration_s": 0.5},
+    {"kind": "motor_weak", "motor": 2, "efficiency": 0.9, "start_s": 2.6, "duration_s": 0.5},
+]
+
+
+def datagram(message: MessageType, *values: float) -> Datagram:
+    return Datagram("onboard", encode(message, message.struct.pack(*values), 0, 1, 191))
+
+
+def command(number: int, *parameters: float) -> Datagram:
+    padded = (*parameters, *(0.0,) * (7 - len(parameters)))
+    return datagram(COMMAND_LONG, *padded, number, 1, 1, 0)
+
+
+def sent_to_vehicle(turn: int, descent_m_s: float) -> list[Datagram]:
+    """OFFBOARD with a descent, an interval and a position request on the way."""
+    velocity = (1.0, -0.5, descent_m_s)
+    target = datagram(
+        SET_POSITION_TARGET_LOCAL_NED, 0, *(0.0,) * 3, *velocity, *(0.0,) * 3, 0.3, 0.0, 0b100111000111, 1, 1, 1
+    )
+    extra = {3: command(176, 1.0, 6.0), 8: command(511, 31.0, 20_000.0), 12: command(512, 83.0)}
+    return [target, extra[turn]] if turn in extra else [target]
+
+
+def digest(
+    name: str,
+    descent_m_s: float | None,
+    seconds: float,
+    overrides: dict[str, object] | None = None,
+    chunk_s: float = TURN_S,
+) -> str:
+    """All datagrams, the truth and the verdict of a flight; hovering in AUTO.LOITER without a descent."""
+    loaded = scenarios.with_overrides(scenarios.load(name), {"place.pad_distance_m": 3.0, **(overrides or {})})
+    world = World(msgspec.structs.replace(loaded, cameras={}), 3)
+    result = hashlib.sha256()
+    for turn in range(round(seconds / TURN_S)):
+        given = [] if descent_m_s is None else sent_to_vehicle(turn, descent_m_s)
+        for _ in range(round(TURN_S / chunk_s)):
+            for sent in world.step(chunk_s, given).datagrams:
+                result.update(sent.link.encode() + sent.data)
+            given = []
+    result.update(repr((world.truth().vehicle, world.verdict())).encode())
+    return result.hexdigest()
+
+
+FLIGHTS: dict[str, tuple[str, float | None, float, dict[str, object]]] = {
+    "offboard": ("line", 0.2, 6.0, {}),
+    "landing": ("line", 0.8, 6.0, {"vehicle.start_height_m": 3.0}),
+    "hovering": ("figure8", None, 4.0, {}),
+    "steady wind": ("line", 0.2, 3.0, {"wind.gust_sigma_m_s": 0.0}),
+    "faults": ("line", 0.2, 4.0, {"faults": FAULTS}),
+}
+
+
+@pytest.mark.parametrize("name", FLIGHTS)
+def test_steady_flight_gives_the_bytes_of_single_steps(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    scenario, descent_m_s, seconds, overrides = FLIGHTS[name]
+    together = digest(scenario, descent_m_s, seconds, overrides)
+    monkeypatch.setattr(SteadyFlight, "enter", lambda self: False)
+    assert digest(scenario, descent_m_s, seconds, overrides) == together
+
+
+def test_steady_flight_gives_the_same_bytes_for_every_length_of_step() -> None:
+    assert digest("line", 0.2, 3.0, chunk_s=0.004) == digest("line", 0.2, 3.0, chunk_s=0.1)
+
+
+def test_a_hovering_vehicle_flies_steadily() -> None:
+    world = World(msgspec.structs.replace(scenarios.load("line"), cameras={}), 3)
+    made: list[int] = []
+    flight = world._steady
+    fly = flight.fly
+
+    def counted(*arguments: object) -> tuple[int, bool]:
+        done, waits = fly(*arguments)  # type: ignore[arg-type]
+        made.append(done)
+        return done, waits
+
+    flight.fly = counted  # type: ignore[method-assign, assignment]
+    world.step(1.0)
+    assert sum(made) > 240
+
+
+def test_compiled_and_plain_give_the_same_bytes() -> None:
+    pytest.importorskip("numba")
+    code = "from tests.unit.sitl_stub.test_steady_flight import digest; print(digest('line', 0.2, 5.0))"
+    plain = subprocess.run(
+        [sys.executable, "-c", code],
+        env={**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": os.pathsep.join(sys.path)},
+        capture_output=True,
+        check=True,
+        text=True,
+        timeout=120,
+    )
+    assert plain.stdout.strip() == digest("line", 0.2, 5.0)
