@@ -203,11 +203,6 @@ class SteadyFlight:
         if COMPILED:
             self._warm_up()
 
-    @property
-    def is_waiting(self) -> bool:
-        """A step has its estimate and its decision, and nothing more yet."""
-        return self._is_estimated
-
     def _warm_up(self) -> None:
         """Have the kernel loaded or compiled before the first flight, not in it."""
         if fly_steadily.signatures:  # type: ignore[attr-defined]
