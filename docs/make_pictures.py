@@ -3,12 +3,14 @@
     python docs/make_pictures.py [--scenario line] [--seed 1]
 
 docs/images/landing.svg   the path from above and from the side
+README.md                 the line in which the flight ends
 docs/images/camera.jpg    what the camera saw in each phase, with the detected outline
 """
 
 from __future__ import annotations
 
 import argparse
+import time
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -18,6 +20,7 @@ import numpy.typing as npt
 
 from companion.campaign.flight_sinks import ReportSink
 from companion.campaign.runner import fly
+from companion.campaign.summary import summary, summary_line
 from companion.config import Config
 from companion.messages import Image, PadObservation, Phase, PhaseChanged
 from companion.onboard import JournalEntry
@@ -26,6 +29,7 @@ from sitl_stub.scenario import load
 from sitl_stub.world import Truth
 
 IMAGES = Path(__file__).parent / "images"
+BEGIN, END = "<!-- demo-line:begin -->", "<!-- demo-line:end -->"
 SHOWN = (Phase.APPROACH, Phase.FOLLOW, Phase.DESCEND, Phase.COMMIT)
 GREEN, WHITE = (60, 220, 60), (255, 255, 255)
 
@@ -72,14 +76,25 @@ def _labelled(frame: Image, seen: PadObservation, phase: Phase) -> npt.NDArray[n
     return np.asarray(image, np.uint8)
 
 
+def _into_readme(line: str) -> None:
+    readme = IMAGES.parents[1] / "README.md"
+    text = readme.read_text(encoding="utf-8")
+    before, after = text.split(BEGIN)[0], text.split(END)[1]
+    readme.write_text(f"{before}{BEGIN}\n```\n{line}\n```\n{END}{after}", encoding="utf-8")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--scenario", default="line")
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
     film, report = FilmStrip(), ReportSink()
+    started = time.perf_counter()
     result = fly(load(options.scenario), Config(), seed=options.seed, sinks=(film, report))
-    print(f"{options.scenario}, seed {options.seed}: {result.outcome}")
+    wall_s = time.perf_counter() - started
+    line = summary_line(summary(result, scenario=options.scenario, seed=options.seed, wall_s=wall_s))
+    print(line)
+    _into_readme(line)
     IMAGES.mkdir(exist_ok=True)
     (IMAGES / "landing.svg").write_text(picture(report.record), encoding="utf-8")
     cv2.imwrite(str(IMAGES / "camera.jpg"), film.strip(), [cv2.IMWRITE_JPEG_QUALITY, 80])
