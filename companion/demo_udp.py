@@ -36,8 +36,13 @@ def fly_demo_udp(
     title = f"companion demo {options.scenario_name} --udp, seed {options.seed} (simulated, real time)"
     folder = RunFolder(options.runs, f"{options.scenario_name}-{options.seed}-udp")
     folder.write_config(config)
+    # A session of its own: Ctrl-C in the terminal must reach the app alone, whose vehicle still has to be put into Hold.
     with subprocess.Popen(
-        _stub_command(scenario, world, options.seed), stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+        _stub_command(scenario, world, options.seed),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+        start_new_session=True,
     ) as stub:
         try:
             app, record, wall_s = drive(

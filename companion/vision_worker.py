@@ -7,6 +7,7 @@ milliseconds and more (benchmarks/setpoint_timing.py). One frame is under way at
 from __future__ import annotations
 
 import asyncio
+import signal
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from multiprocessing import get_context
@@ -76,6 +77,7 @@ def build_detector(config: Config) -> WatchedDetector:
 
 def _start(config: Config) -> None:
     global _detector
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle: the last frames still count
     cv2.setNumThreads(1)
     _detector = build_detector(config)
 
