@@ -18,6 +18,7 @@ from companion.estimation.constant_acceleration import ConstantAcceleration
 from companion.estimation.constant_velocity import ConstantVelocity
 from companion.estimation.coordinated_turn import CoordinatedTurn
 from companion.estimation.filter import PadFilter
+from companion.estimation.kalman import warm_up
 from companion.estimation.measurement import PadMeasurement
 from companion.estimation.motion import BeaconBias, MotionModel
 from companion.estimation.oscillator import Oscillator
@@ -101,4 +102,5 @@ ESTIMATORS: dict[str, Factory] = {
 
 def make_tracker(config: Estimation, pad: Pad, cameras: Mapping[str, Camera]) -> PadTracker:
     """The tracker with the estimator that `config.estimator` names; KeyError where there is none of that name."""
+    warm_up()
     return PadTracker(config, pad, cameras, ESTIMATORS[config.estimator](config))

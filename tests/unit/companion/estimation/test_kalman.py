@@ -1,6 +1,7 @@
 """The filter arithmetic against dense NumPy."""
 
 import math
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -48,3 +49,22 @@ def test_scale_and_forget_act_on_one_state() -> None:
 
 def test_likelihood_is_that_of_the_normal_density() -> None:
     assert log_likelihood(0.5, 2.0) == pytest.approx(math.log(math.exp(-0.0625) / math.sqrt(4.0 * math.pi)))
+
+
+def test_compiled_and_plain_transforms_agree_to_the_last_bit() -> None:
+    """COMPILED_FROM parts the two ways; each is asked directly."""
+    from companion.estimation import weaving_turn
+    from companion.estimation.kalman import _places, _transformed
+
+    rng = np.random.default_rng(5)
+    n = weaving_turn.SIZE
+    for _ in range(50):
+        root = rng.normal(size=(n, n))
+        P = (root @ root.T).ravel().tolist()
+        values = rng.normal(size=len(weaving_turn.ROWS)).tolist()
+        rows, columns = _places(tuple(weaving_turn.ROWS), tuple(weaving_turn.COLUMNS))
+        fast = _transformed(np.array(P), n, rows, columns, np.array(values)).tolist()
+        plain = list(P)
+        with mock.patch("companion.estimation.kalman.COMPILED", False):
+            transform_covariance(plain, n, weaving_turn.ROWS, weaving_turn.COLUMNS, values)
+        assert fast == plain
