@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.live import Live
 
 from companion.campaign.flight_sinks import McapSink, ReportSink, TlogSink, ViewSink
-from companion.campaign.runner import Sink, fly
+from companion.campaign.runner import Flight, Sink
 from companion.campaign.summary import summary, summary_line
 from companion.config import Config
 from companion.io.run_folder import RunFolder, versions
@@ -50,6 +50,8 @@ def fly_demo(scenario: Scenario, config: Config, options: DemoOptions, console: 
         sinks.append(McapSink(folder.mcap, config, about))
     if options.show:
         sinks.append(ViewSink(view))
+    prepared = time.monotonic()
+    flight = Flight(scenario, config, options.seed, sinks)
     started = time.monotonic()
     with _interruptible() as was_interrupted, _drawing(view, console, started, options.show) as draw:
 
@@ -57,9 +59,10 @@ def fly_demo(scenario: Scenario, config: Config, options: DemoOptions, console: 
             draw()
             return was_interrupted()
 
-        result = fly(scenario, config, seed=options.seed, sinks=sinks, interrupted=on_turn)
+        result = flight.run(on_turn)
     wall_s = time.monotonic() - started
     figures = summary(result, scenario=options.scenario_name, seed=options.seed, wall_s=wall_s)
+    figures["setup_s"] = round(started - prepared, 3)
     if folder is not None:
         figures["run"] = str(folder.path)
         folder.write_run(figures)

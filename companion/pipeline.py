@@ -58,7 +58,7 @@ from companion.vision.detector import DetectionHint
 from companion.vision.field_of_view import half_field_rad, may_be_in_view
 from companion.vision.lens import from_config
 
-SURE_SIGMAS = 4.0
+SURE_SIGMAS = 3.0
 """Of the pad's position: what is further outside the picture than this is not looked for in every frame."""
 
 NO_PLAN_PATIENCE_NS = 1_000_000_000
@@ -86,6 +86,8 @@ class Pipeline:
         self._follower = ReferenceFollower(PLANNERS[config.planning.planner](config.planning), config.planning)
         self._controller = CONTROLLERS[config.control.controller](config.control)
         self._half_fields_rad = {name: half_field_rad(from_config(camera)) for name, camera in config.cameras.items()}
+        smallest_m = min(marker.size_m for marker in config.pad.markers)
+        self._closest_m = {name: 0.95 * smallest_m * c.fy_px / c.height_px for name, c in config.cameras.items()}
         self._pad_radius_m = 0.5 * math.hypot(config.pad.length_m, config.pad.width_m)
         self._mounts = {name: mounted(camera) for name, camera in config.cameras.items()}
         self._situation = Situation(config, self._tracker)
@@ -160,7 +162,9 @@ class Pipeline:
             is_expected = may_be_in_view(p_CP, spread_m, self._half_fields_rad[camera])
             return DetectionHint(down_camera=down_camera, is_expected=is_expected)
         X_WP = Transform(quaternion_from_euler(pad.roll_rad, pad.pitch_rad, pad.yaw_rad), pad.position_ned_m)
-        return DetectionHint(X_WC.inverse() @ X_WP, pad.position_sigma_m, down_camera)
+        X_CP = X_WC.inverse() @ X_WP
+        is_expected = X_CP.p[2] > self._closest_m[camera]
+        return DetectionHint(X_CP, pad.position_sigma_m, down_camera, is_expected)
 
     # ------------------------------------------------------------------------------------------------------------ tick
 

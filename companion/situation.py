@@ -47,7 +47,7 @@ class Prediction(Protocol):
     def estimate(self, t_ns: int) -> PadEstimate | None: ...
 
 
-CONTACT_FORESEEN_BELOW_M = 4.0
+CONTACT_FORESEEN_BELOW_M = 2.0
 """Higher up the moment of contact is too far away to matter, and looking ahead is the dearest question to the estimator."""
 
 

@@ -106,15 +106,21 @@ def fly(
     interrupted: Callable[[], bool] = lambda: False,
 ) -> FlightResult:
     """Fly one landing. `interrupted` is asked once per frame time; after it, the vehicle is put into Hold first."""
-    return _Flight(scenario, config, seed, sinks, operator or Operator()).run(interrupted)
+    return Flight(scenario, config, seed, sinks, operator).run(interrupted)
 
 
-class _Flight:
-    """The two sides of one flight and the tally."""
+class Flight:
+    """The two sides of one flight and the tally. Making it loads what has to be loaded; `run` flies."""
 
     def __init__(
-        self, scenario: Scenario, config: Config, seed: int, sinks: Sequence[Sink], operator: Operator
+        self,
+        scenario: Scenario,
+        config: Config,
+        seed: int,
+        sinks: Sequence[Sink] = (),
+        operator: Operator | None = None,
     ) -> None:
+        operator = operator or Operator()
         self._world = World(scenario, seed)
         self._limit_s = scenario.duration_limit_s
         self._onboard = Onboard(config, start_ns=CLOCK_OFFSET_NS)

@@ -7,7 +7,7 @@ from typing import Any
 
 from companion.campaign.runner import OUTCOMES, FlightResult
 
-WALL_KEYS = ("wall_s", "real_time_factor")
+WALL_KEYS = ("wall_s", "setup_s", "real_time_factor")
 """The only entries that differ between two runs of the same seed."""
 
 
