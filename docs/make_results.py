@@ -1,7 +1,9 @@
 """Writes the results table of the README and docs/results.md from finished campaigns.
 
     companion campaign configs/campaigns/first-landing.toml        # flies what is missing
-    python docs/make_results.py configs/campaigns/first-landing.toml [more.toml ...]
+    python docs/make_results.py COMMIT configs/campaigns/first-landing.toml [more.toml ...]
+
+COMMIT is the one that was checked out when the flights were flown.
 
 Each file's results are read from runs/campaign-<name>. Nothing here is typed by hand; a campaign that is not complete is refused.
 """
@@ -26,7 +28,7 @@ HEAD = (
 )
 
 
-def main(files: list[str]) -> None:
+def main(commit: str, files: list[str]) -> None:
     sections, first = [], None
     for name in files:
         path = Path(name)
@@ -38,10 +40,10 @@ def main(files: list[str]) -> None:
         table = HEAD + "".join(_row(cell) for cell in statistics_of(campaign, rows))
         command = f"`companion campaign {path.as_posix()}`, seeds {campaign.first_seed} to {campaign.first_seed + campaign.seeds - 1}"
         sections.append(f"## {campaign.name}\n\n{command}.\n\n{table}")
-        first = first or f'{table}\nMade by {command}; machine: {_machine()}. "In the air" counts disarms in the air.\n'
+        first = first or f'{table}\nMade by {command}; commit {commit}, {_machine()}. "In the air" counts disarms in the air.\n'
     results_page = (
         "# Results\n\nAll simulated. Made by `python docs/make_results.py` from the campaigns named below; machine: "
-        f"{_machine()}. Intervals are Wilson's. Errors are over all flights that touched the pad, landed or not.\n\n"
+        f"{_machine()}; commit {commit}. Intervals are Wilson's. Errors are over all flights that touched the pad, landed or not.\n\n"
     )
     (ROOT / "docs" / "results.md").write_text(results_page + "\n".join(sections), encoding="utf-8")
     readme = ROOT / "README.md"
@@ -67,6 +69,6 @@ def _machine() -> str:
 
 
 if __name__ == "__main__":
-    if len(sys.argv) < 2:
+    if len(sys.argv) < 3:
         raise SystemExit(__doc__)
-    main(sys.argv[1:])
+    main(sys.argv[1], sys.argv[2:])
