@@ -12,6 +12,9 @@ from companion.vision.frame_watch import PictureWatch
 SEARCHED_ANYWAY = 10
 """One frame in so many is searched even where the pad cannot be expected: the beacon may be wrong."""
 
+UNSEEN_PERIOD = 2
+"""Until the pad has been seen, every second frame is searched: a whole frame costs several tracked ones."""
+
 
 class WatchedDetector:
     """A `Detector`. `take_health` gives what the watch noticed since it was asked last."""
@@ -27,8 +30,10 @@ class WatchedDetector:
         self._health += health
         if reason is not None:
             return PadNotSeen(frame.t_ns, frame.camera, self._name, reason)
-        if hint is not None and not hint.is_expected and frame.sequence % SEARCHED_ANYWAY:
-            return PadNotSeen(frame.t_ns, frame.camera, self._name, "outside the picture by the estimate")
+        if hint is not None and frame.sequence % _period(hint):
+            return PadNotSeen(
+                frame.t_ns, frame.camera, self._name, "not searched: the pad is not expected in this frame"
+            )
         return self._detector.detect(frame, hint)
 
     def unreadable(self, t_ns: int, camera: str, text: str) -> Detection:
@@ -39,3 +44,10 @@ class WatchedDetector:
     def take_health(self) -> tuple[Health, ...]:
         health, self._health = tuple(self._health), []
         return health
+
+
+def _period(hint: DetectionHint) -> int:
+    """One frame in how many is searched."""
+    if not hint.is_expected:
+        return SEARCHED_ANYWAY
+    return UNSEEN_PERIOD if hint.X_CP is None else 1
