@@ -19,7 +19,7 @@ from companion.campaign.summary import summary, summary_line
 from companion.config import Config
 from companion.io.run_folder import RunFolder, versions
 from companion.telemetry.live_view import LiveView
-from companion.telemetry.report import report_html
+from companion.telemetry.report import picture, report_html
 from sitl_stub.scenario import Scenario
 
 REDRAW_HZ = 8.0
@@ -68,6 +68,7 @@ def fly_demo(scenario: Scenario, config: Config, options: DemoOptions, console: 
         folder.write_run(figures)
         page = report_html(report.record, {**figures, **versions()}, title=title, line=summary_line(figures))
         folder.report.write_text(page, encoding="utf-8")
+        (folder.path / "landing.svg").write_text(picture(report.record), encoding="utf-8")
     return figures
 
 
