@@ -40,7 +40,10 @@ def main(commit: str, files: list[str]) -> None:
         table = HEAD + "".join(_row(cell) for cell in statistics_of(campaign, rows))
         command = f"`companion campaign {path.as_posix()}`, seeds {campaign.first_seed} to {campaign.first_seed + campaign.seeds - 1}"
         sections.append(f"## {campaign.name}\n\n{command}.\n\n{table}")
-        first = first or f'{table}\nMade by {command}; commit {commit}, {_machine()}. "In the air" counts disarms in the air.\n'
+        first = (
+            first
+            or f'{table}\nMade by {command}; commit {commit}, {_machine()}. "In the air" counts disarms in the air.\n'
+        )
     results_page = (
         "# Results\n\nAll simulated. Made by `python docs/make_results.py` from the campaigns named below; machine: "
         f"{_machine()}; commit {commit}. Intervals are Wilson's. Errors are over all flights that touched the pad, landed or not.\n\n"
