@@ -133,7 +133,9 @@ def test_the_beacon_is_near_the_pad(flight: Flight) -> None:
     assert beacons[-1].t_ns <= flight.now_ns
 
 
-def test_every_frame_of_the_simulator_is_readable(flight: Flight) -> None:
+def test_every_frame_of_the_simulator_is_readable() -> None:
+    flight = Flight()
+    flight.fly(20.0)
     counters = flight.session.counters
     assert counters.bytes_skipped == 0
     assert counters.frames_received > 5_000
