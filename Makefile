@@ -15,7 +15,7 @@ demo: setup ## a simulated quadrotor finds a moving pad, lands on it and disarms
 test: setup ## the whole test suite
 	@.ci/system-packages
 	@echo "-- tests"
-	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q -n 2 --dist worksteal $(ARGS)
+	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q -n 2 --dist loadfile $(ARGS)
 
 lint: setup ## style and types
 	@echo "-- lint" && $(BIN)/ruff check . && $(BIN)/ruff format --check . && echo "-- types" && $(BIN)/mypy
