@@ -28,6 +28,11 @@ Settings = Annotated[
     typer.Option("--set", help="Override a key: --set control.position_gain_hz=1.5", metavar="KEY=VALUE"),
 ]
 
+Preset = Annotated[
+    str | None,
+    typer.Option(help="Fly as a paper did: shivam, falanga, guo, kim, dalang (configs/papers).", metavar="KEY"),
+]
+
 Dashboard = Annotated[
     bool, typer.Option("--dashboard", help="A page in the browser: camera, plan, health, hold and abort.")
 ]
@@ -39,6 +44,7 @@ def demo(
         str | None, typer.Argument(help="line, circle, figure8, ... or a file (configs/scenarios).")
     ] = None,
     scenario_option: Annotated[str | None, typer.Option("--scenario", help="The same as the argument.")] = None,
+    preset: Preset = None,
     seed: Annotated[int, typer.Option(help="Seed of everything random.")] = 1,
     config: ConfigFiles = None,
     settings: Settings = None,
@@ -60,10 +66,10 @@ def demo(
     from sitl_stub.scenario import ScenarioError, with_overrides
     from sitl_stub.scenario import load as load_scenario
 
-    name = scenario_option or scenario or "line"
+    name = scenario_option or scenario or _preset_scenario(preset) or "line"
     if dashboard and not udp:
         _fail("--dashboard shows a flight in real time: give --udp too")
-    loaded = _with_page(_config(config, settings), dashboard)
+    loaded = _with_page(_config(_with_preset(preset, config), settings), dashboard)
     try:
         flown = with_overrides(load_scenario(name), _pairs(world, parse=True))
     except ScenarioError as error:
@@ -96,6 +102,7 @@ def _print_result(figures: dict[str, Any], as_json: bool, console: Console) -> N
 
 @app.command()
 def run(
+    preset: Preset = None,
     config: ConfigFiles = None,
     settings: Settings = None,
     start: Annotated[bool, typer.Option("--start", help="Say START as soon as the vehicle is heard.")] = False,
@@ -106,7 +113,7 @@ def run(
     """Fly: the app on a companion computer, or against a simulator."""
     from companion.app import run_live
 
-    loaded = _with_page(_config(config, settings), dashboard)
+    loaded = _with_page(_config(_with_preset(preset, config), settings), dashboard)
     try:
         status = run_live(loaded, start=start, runs=runs, show=not quiet and sys.stdout.isatty())
     except ConfigError as error:
@@ -146,6 +153,30 @@ def campaign(
         _fail(str(error))
     except KeyboardInterrupt:
         _fail("interrupted; the same command goes on with what is missing")
+    if as_json:
+        print(json.dumps(figures))
+
+
+@app.command()
+def reproduce(
+    key: Annotated[str | None, typer.Argument(help="shivam, falanga, guo, kim or dalang; default: all.")] = None,
+    out: Annotated[Path, typer.Option(help="Folder for the pages.")] = Path("runs/reproduce"),
+    quick: Annotated[bool, typer.Option("--quick", help="Seconds instead of minutes: fewer seeds.")] = False,
+    versus: Annotated[bool, typer.Option("--versus", help="Each paper's preset against the default pipeline.")] = False,
+    seeds: Annotated[int | None, typer.Option(min=1, help="With --versus: seeds of each scenario.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="End with one line of JSON.")] = False,
+) -> None:
+    """Five papers: what they printed beside what this program measures. Writes KEY.html and KEY.md."""
+    from companion.reproduce.command import run_reproduce, run_versus
+
+    console = Console(stderr=as_json, width=None if sys.stdout.isatty() else 160)
+    try:
+        if versus:
+            figures = run_versus(key, out, seeds=seeds, quick=quick, console=console)
+        else:
+            figures = run_reproduce(key, out, quick=quick, console=console)
+    except ValueError as error:
+        _fail(str(error))
     if as_json:
         print(json.dumps(figures))
 
@@ -300,6 +331,27 @@ def check_config(config: ConfigFiles = None, settings: Settings = None) -> None:
 
     loaded = _config(config, settings)
     print(msgspec.json.format(msgspec.json.encode(loaded), indent=2).decode())
+
+
+def _preset_scenario(preset: str | None) -> str | None:
+    from companion.reproduce.papers import preset_scenario
+
+    try:
+        return None if preset is None else str(preset_scenario(preset))
+    except ValueError as error:
+        _fail(str(error))
+
+
+def _with_preset(preset: str | None, files: list[Path] | None) -> list[Path]:
+    """The preset's file, then the user's own, which may differ from it."""
+    if preset is None:
+        return files or []
+    from companion.reproduce.papers import preset_file
+
+    try:
+        return [preset_file(preset), *(files or [])]
+    except ValueError as error:
+        _fail(str(error))
 
 
 def _config(files: list[Path] | None, settings: list[str] | None) -> Config:

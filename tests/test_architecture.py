@@ -24,7 +24,13 @@ CORE = (
 )
 STAGES = ("vision", "estimation", "planning", "control", "mission", "mavlink")
 FORBIDDEN = {"asyncio", "socket", "time", "datetime", "random", "os", "threading", "subprocess", "select", "sitl_stub"}
-MEETING_PLACES = {"companion/campaign", "companion/demo.py", "companion/demo_udp.py", "companion/cli.py"}
+MEETING_PLACES = {
+    "companion/campaign",
+    "companion/reproduce",
+    "companion/demo.py",
+    "companion/demo_udp.py",
+    "companion/cli.py",
+}
 
 
 def sources(package: str) -> list[Path]:
