@@ -32,7 +32,8 @@ class _Section(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class Link(_Section, frozen=True):
-    """How to reach the autopilot."""
+    """How to reach the autopilot. `signing_key_file` (32 bytes or 64 hexadecimal digits, relative to the file that names
+    it) turns on MAVLink 2 signing: what is not signed with that key, the beacon included, is refused."""
 
     url: str = "udpin://0.0.0.0:14540"
     system_id: SystemId = 1
@@ -194,7 +195,9 @@ class Control(_Section, frozen=True):
 class Mission(_Section, frozen=True):
     """When to do what. Heights are above the pad unless a key says otherwise. `search_cone_s` is how long the search goes on
     drifting with the pad's last known velocity, `lost_action` what follows a search that found nothing; `commit_heave_m_s`
-    and `commit_deck_tilt_deg` say which motion of the deck may be touched."""
+    and `commit_deck_tilt_deg` say which motion of the deck may be touched. `follow_behind_m` puts the place to wait for the
+    descent behind the pad instead of above it, for a camera that looks forward at an upright marker. `sight_lost_action`
+    is what follows a descent without sight: climb and try again, or the autopilot's Hold until the pad is seen again."""
 
     start_wait_s: NonNegative = 5.0
 
@@ -209,6 +212,7 @@ class Mission(_Section, frozen=True):
     lost_action: Literal["hold", "return"] = "hold"
     approach_height_m: Positive = 8.0
     follow_height_m: Positive = 5.0
+    follow_behind_m: NonNegative = 0.0
     follow_radius_m: Positive = 0.5
     follow_speed_m_s: Positive = 0.6
     follow_time_s: NonNegative = 0.6
@@ -231,6 +235,7 @@ class Mission(_Section, frozen=True):
     vision_hold_s: Positive = 0.4
     vision_lost_descend_s: Positive = 2.5
     vision_lost_follow_s: Positive = 4.0
+    sight_lost_action: Literal["go_around", "hold"] = "go_around"
     pad_lost_s: Positive = 10.0
     touchdown_time_s: Positive = 0.4
     vehicle_leg_height_m: NonNegative = 0.22
@@ -360,7 +365,10 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def _beside(path: Path, data: dict[str, Any]) -> dict[str, Any]:
-    """Names of calibration files, seen from the file that names them."""
+    """Names of calibration files and of the signing key, seen from the file that names them."""
+    link = data.get("link")
+    if isinstance(link, dict) and isinstance(name := link.get("signing_key_file"), str):
+        link["signing_key_file"] = str(path.parent / name)
     cameras = data.get("cameras")
     for camera in cameras.values() if isinstance(cameras, dict) else ():
         if isinstance(camera, dict) and isinstance(name := camera.get("calibration_file"), str):

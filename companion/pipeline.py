@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from companion.config import Config
+from companion.config import Config, Marker
 from companion.control import CONTROLLERS, YAW_LAWS, ControlInput, Reference, YawInput
 from companion.control.limits import limited_length, limited_velocity, slewed
 from companion.estimation import VehiclePose, make_tracker
@@ -76,6 +76,11 @@ class _Target:
     acceleration_ahead_m_s2: Vec3
 
 
+def _centre(marker: Marker) -> Vec3:
+    """Of a marker, in P."""
+    return (*marker.position_m, -marker.height_m)
+
+
 class Pipeline:
     """All state that decides: vehicle history, pad estimate, mission, plan, control."""
 
@@ -86,8 +91,7 @@ class Pipeline:
         self._follower = ReferenceFollower(PLANNERS[config.planning.planner](config.planning), config.planning)
         self._controller = CONTROLLERS[config.control.controller](config.control)
         self._half_fields_rad = {name: half_field_rad(from_config(camera)) for name, camera in config.cameras.items()}
-        smallest_m = min(marker.size_m for marker in config.pad.markers)
-        self._closest_m = {name: 0.95 * smallest_m * c.fy_px / c.height_px for name, c in config.cameras.items()}
+        self._closest_m = {name: 0.95 * c.fy_px / c.height_px for name, c in config.cameras.items()}
         self._pad_radius_m = 0.5 * math.hypot(config.pad.length_m, config.pad.width_m)
         self._mounts = {name: mounted(camera) for name, camera in config.cameras.items()}
         self._situation = Situation(config, self._tracker)
@@ -163,7 +167,10 @@ class Pipeline:
             return DetectionHint(down_camera=down_camera, is_expected=is_expected)
         X_WP = Transform(quaternion_from_euler(pad.roll_rad, pad.pitch_rad, pad.yaw_rad), pad.position_ned_m)
         X_CP = X_WC.inverse() @ X_WP
-        is_expected = X_CP.p[2] > self._closest_m[camera]
+        is_expected = any(
+            X_CP.point(_centre(marker))[2] > marker.size_m * self._closest_m[camera]
+            for marker in self._config.pad.markers
+        )
         return DetectionHint(X_CP, pad.position_sigma_m, down_camera, is_expected)
 
     # ------------------------------------------------------------------------------------------------------------ tick
@@ -204,7 +211,7 @@ class Pipeline:
             self._controller.reset()
             self._follower.reset()
             self._setpoint = None
-            if before is not Phase.TAKEOFF:
+            if before is not Phase.TAKEOFF and not self._machine.resumes:
                 self._situation.flight_start_ned_m = pose.position_ned_m
         if phase is Phase.SEARCH:
             self._begin_search(pose, pad)

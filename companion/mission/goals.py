@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -42,9 +43,9 @@ def goal_of(phase: Phase, facts: Facts, mission: Mission) -> Goal | None:
         case Phase.SEARCH:
             return Goal("start", "pattern")
         case Phase.APPROACH:
-            return _above(mission.approach_height_m)
+            return _waiting_place(mission.approach_height_m, facts, mission)
         case Phase.FOLLOW | Phase.GO_AROUND | Phase.ABORT:
-            return _above(mission.follow_height_m)
+            return _waiting_place(mission.follow_height_m, facts, mission)
         case Phase.DESCEND:
             return _descent(facts, mission)
         case Phase.COMMIT:
@@ -57,6 +58,15 @@ def goal_of(phase: Phase, facts: Facts, mission: Mission) -> Goal | None:
 
 def _above(height_m: float) -> Goal:
     return Goal("pad", "plan", (0.0, 0.0, -height_m))
+
+
+def _waiting_place(height_m: float, facts: Facts, mission: Mission) -> Goal:
+    """Above the pad, or above a point behind it."""
+    behind_m = mission.follow_behind_m
+    yaw_rad = None if facts.pad is None else facts.pad.yaw_rad
+    if behind_m == 0.0 or yaw_rad is None:
+        return _above(height_m)
+    return Goal("pad", "plan", (-behind_m * math.cos(yaw_rad), -behind_m * math.sin(yaw_rad), -height_m))
 
 
 def _descent(facts: Facts, mission: Mission) -> Goal:

@@ -27,6 +27,7 @@ class Context:
     mission: Mission
     safety: Safety
     mode_at_entry: AutopilotMode | None = None
+    holds_for_sight: bool = False
 
 
 Guard = Callable[[Facts, Context], str | None]
@@ -258,6 +259,17 @@ def vision_lost(facts: Facts, context: Context) -> str | None:
     return f"pad not seen for {age:.1f} s" if age > limit else None
 
 
+def sight_lost_hold(facts: Facts, context: Context) -> str | None:
+    """As `vision_lost`, for those who wait in the autopilot's Hold instead of going around."""
+    return vision_lost(facts, context) if context.mission.sight_lost_action == "hold" else None
+
+
+def sight_back(facts: Facts, context: Context) -> str | None:
+    """Only out of the Hold that Companion itself asked for because it saw nothing, and while the vehicle is still in it."""
+    held = facts.status is not None and facts.status.mode is AutopilotMode.HOLD
+    return pad_in_sight(facts, context) if context.holds_for_sight and held else None
+
+
 def pad_lost(facts: Facts, context: Context) -> str | None:
     if facts.pad is None:
         return "no estimate of the pad"
@@ -315,6 +327,8 @@ GUARDS: dict[Event, Guard] = {
     Event.ABOVE_PAD: above_pad,
     Event.CLIMBED: climbed,
     Event.PAD_IN_SIGHT: pad_in_sight,
+    Event.SIGHT_LOST_HOLD: sight_lost_hold,
+    Event.SIGHT_BACK: sight_back,
     Event.VISION_LOST: vision_lost,
     Event.PAD_LOST: pad_lost,
     Event.PAD_KNOWN: pad_known,

@@ -43,7 +43,8 @@ class Step:
 
 
 class Machine:
-    """State: the phase, when it began, counters and the last request."""
+    """State: the phase, when it began, counters and the last request. `resumes`: the phase goes on with a landing that a Hold
+    for want of sight interrupted."""
 
     def __init__(self, mission: Mission, safety: Safety) -> None:
         self._mission = mission
@@ -51,6 +52,7 @@ class Machine:
         self.phase = Phase.IDLE
         self.note = "waiting for start"
         self.go_arounds = 0
+        self.resumes = False
         self._since_ns: int | None = None
         self._flight_since_ns: int | None = None
         self._above_pad_for_s = 0.0
@@ -58,17 +60,20 @@ class Machine:
         self._last_request: tuple[CommandKind, int] | None = None
         self._start_until_ns: int | None = None
         self._mode_at_entry: AutopilotMode | None = None
+        self._holds_for_sight = False
 
     def step(self, facts: Facts, *, dt_s: float) -> Step:
         """Advance by one tick; at most one change of phase."""
         facts, health = self._with_waiting_start(facts)
         self._count(facts, dt_s)
+        if facts.operator is not None:
+            self._holds_for_sight = False
         changes: tuple[PhaseChanged, ...] = ()
         transition = self._transition(facts)
         if transition is not None:
             event, target, reason = transition
             changes = (PhaseChanged(facts.t_ns, self.phase, target, f"{event}: {reason}"),)
-            self._enter(target, facts, reason)
+            self._enter(target, facts, reason, event)
         request = self._request(facts)
         return Step(self.phase, changes, () if request is None else (request,), health)
 
@@ -117,6 +122,7 @@ class Machine:
             mission=self._mission,
             safety=self._safety,
             mode_at_entry=self._mode_at_entry,
+            holds_for_sight=self._holds_for_sight,
         )
 
     def _transition(self, facts: Facts) -> tuple[Event, Phase, str] | None:
@@ -129,8 +135,10 @@ class Machine:
                     return event, answers[event], reason
         return None
 
-    def _enter(self, phase: Phase, facts: Facts, reason: str) -> None:
-        if phase in NEW_FLIGHT_PHASES and self.phase not in NEW_FLIGHT_PHASES:
+    def _enter(self, phase: Phase, facts: Facts, reason: str, event: Event) -> None:
+        self.resumes = event is Event.SIGHT_BACK
+        self._holds_for_sight = event is Event.SIGHT_LOST_HOLD
+        if phase in NEW_FLIGHT_PHASES and self.phase not in NEW_FLIGHT_PHASES and not self.resumes:
             self._flight_since_ns = facts.t_ns
             self.go_arounds = 0
         if phase is Phase.GO_AROUND:

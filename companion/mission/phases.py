@@ -43,6 +43,8 @@ class Event(StrEnum):
     ABOVE_PAD = "above the pad and with it"
     CLIMBED = "climbed"
     PAD_IN_SIGHT = "pad in sight"
+    SIGHT_LOST_HOLD = "pad out of sight: hold"
+    SIGHT_BACK = "pad in sight again"
     VISION_LOST = "pad out of sight"
     PAD_LOST = "pad lost"
     PAD_KNOWN = "pad known"
@@ -141,6 +143,7 @@ TABLE: dict[Phase, dict[Event, Phase]] = {
         Event.OUTSIDE_CONE: Phase.GO_AROUND,
         Event.NO_PLAN: Phase.GO_AROUND,
         Event.READY_TO_COMMIT: Phase.COMMIT,
+        Event.SIGHT_LOST_HOLD: Phase.HOLD,
         Event.VISION_LOST: Phase.GO_AROUND,
     },
     Phase.COMMIT: {
@@ -177,6 +180,7 @@ TABLE: dict[Phase, dict[Event, Phase]] = {
         Event.LINK_LOST: Phase.IDLE,
         Event.OPERATOR_RETURN: Phase.RETURN,
         Event.START_IN_AIR: Phase.ENGAGE,
+        Event.SIGHT_BACK: Phase.ENGAGE,
     },
     Phase.RETURN: {
         Event.DISARMED: Phase.IDLE,
@@ -196,6 +200,7 @@ _HANDOVER = (Event.REQUEST_REFUSED, Event.AIRBORNE, Event.OFFBOARD_GRANTED)
 _CONTACT = (Event.TOUCHDOWN_SUSPECTED, Event.TOUCHDOWN_LOST)
 _LANDING = (Event.COMMIT_UNSAFE, Event.OUTSIDE_CONE, Event.NO_PLAN, Event.READY_TO_COMMIT, Event.NO_LANDING_HERE)
 _PAD = (Event.ABOVE_PAD, Event.CLIMBED, Event.PAD_IN_SIGHT, Event.VISION_LOST, Event.PAD_LOST, Event.PAD_KNOWN)
+_SIGHT = (Event.SIGHT_LOST_HOLD, Event.SIGHT_BACK)
 _SEARCH_OVER = (Event.LOST_FOR_GOOD_HOLD, Event.LOST_FOR_GOOD_RETURN)
 _AROUND = (Event.OPERATOR_GO_AROUND, Event.TOO_MANY_GO_AROUNDS)
 _APPROACHING = (*_CONTACT, *_LANDING)
@@ -215,15 +220,21 @@ IGNORED: dict[Phase, dict[Event, Ignored]] = {
         (Ignored.ALREADY, _START),
         (Ignored.AUTOPILOT_FLIES, (Event.OUTSIDE_FENCE, Event.FLIGHT_TOO_LONG)),
         (Ignored.ANOTHER_EVENT, (Event.DISARMED,)),  # on the ground it is; a refused arming shows as a refusal
-        (Ignored.OTHER_PHASE, (Event.OFFBOARD_GRANTED, *_AROUND, *_APPROACHING, *_PAD, *_SEARCH_OVER)),
+        (Ignored.OTHER_PHASE, (Event.OFFBOARD_GRANTED, *_AROUND, *_APPROACHING, *_PAD, *_SEARCH_OVER, *_SIGHT)),
     ),
     Phase.ENGAGE: _because(
         (Ignored.ALREADY, _START),
-        (Ignored.OTHER_PHASE, (Event.AIRBORNE, Event.FLIGHT_TOO_LONG, *_AROUND, *_APPROACHING, *_PAD, *_SEARCH_OVER)),
+        (
+            Ignored.OTHER_PHASE,
+            (Event.AIRBORNE, Event.FLIGHT_TOO_LONG, *_AROUND, *_APPROACHING, *_PAD, *_SEARCH_OVER, *_SIGHT),
+        ),
     ),
     Phase.SEARCH: _because(
         (Ignored.ALREADY, (*_START, Event.PAD_LOST, Event.VISION_LOST)),
-        (Ignored.OTHER_PHASE, (*_HANDOVER, Event.OPERATOR_GO_AROUND, *_APPROACHING, Event.ABOVE_PAD, Event.CLIMBED)),
+        (
+            Ignored.OTHER_PHASE,
+            (*_HANDOVER, *_SIGHT, Event.OPERATOR_GO_AROUND, *_APPROACHING, Event.ABOVE_PAD, Event.CLIMBED),
+        ),
     ),
     Phase.APPROACH: _because(
         (Ignored.ALREADY, (*_START, Event.PAD_KNOWN, Event.VISION_LOST)),
@@ -236,17 +247,18 @@ IGNORED: dict[Phase, dict[Event, Ignored]] = {
                 Event.ABOVE_PAD,
                 Event.CLIMBED,
                 *_SEARCH_OVER,
+                *_SIGHT,
             ),
         ),
     ),
     Phase.FOLLOW: _because(
         (Ignored.ALREADY, (*_START, Event.OPERATOR_GO_AROUND, Event.PAD_IN_SIGHT, Event.PAD_KNOWN, Event.CLIMBED)),
-        (Ignored.OTHER_PHASE, (*_HANDOVER, *_APPROACHING, *_SEARCH_OVER)),
+        (Ignored.OTHER_PHASE, (*_HANDOVER, *_APPROACHING, *_SEARCH_OVER, *_SIGHT)),
     ),
     Phase.DESCEND: _because(
         (Ignored.ALREADY, (*_START, Event.ABOVE_PAD, Event.PAD_IN_SIGHT, Event.PAD_KNOWN)),
         (Ignored.ANOTHER_EVENT, (Event.COMMIT_UNSAFE, Event.PAD_LOST, Event.TOO_MANY_GO_AROUNDS)),
-        (Ignored.OTHER_PHASE, (*_HANDOVER, Event.TOUCHDOWN_LOST, Event.CLIMBED, *_SEARCH_OVER)),
+        (Ignored.OTHER_PHASE, (*_HANDOVER, Event.TOUCHDOWN_LOST, Event.CLIMBED, *_SEARCH_OVER, Event.SIGHT_BACK)),
     ),
     Phase.COMMIT: _because(
         (Ignored.ALREADY, (*_START, Event.READY_TO_COMMIT, Event.ABOVE_PAD, Event.PAD_IN_SIGHT, Event.PAD_KNOWN)),
@@ -254,34 +266,34 @@ IGNORED: dict[Phase, dict[Event, Ignored]] = {
             Ignored.ANOTHER_EVENT,  # COMMIT_UNSAFE: the last half metre is flown blind on purpose, and without a planner
             (Event.OUTSIDE_CONE, Event.NO_PLAN, Event.VISION_LOST, Event.PAD_LOST, Event.TOO_MANY_GO_AROUNDS),
         ),
-        (Ignored.OTHER_PHASE, (*_HANDOVER, Event.TOUCHDOWN_LOST, Event.CLIMBED, *_SEARCH_OVER)),
+        (Ignored.OTHER_PHASE, (*_HANDOVER, Event.TOUCHDOWN_LOST, Event.CLIMBED, *_SEARCH_OVER, *_SIGHT)),
     ),
     Phase.TOUCHDOWN: _because(
         (Ignored.ALREADY, (*_START, Event.TOUCHDOWN_SUSPECTED)),
         (Ignored.FINISH, (Event.OPERATOR_HOLD, Event.OPERATOR_RETURN, *_LIMITS, *_LANDING, *_PAD)),
         (Ignored.ANOTHER_EVENT, (Event.TOO_MANY_GO_AROUNDS,)),
-        (Ignored.OTHER_PHASE, (*_HANDOVER, *_SEARCH_OVER)),  # a refused disarm is answered by the evidence
+        (Ignored.OTHER_PHASE, (*_HANDOVER, *_SEARCH_OVER, *_SIGHT)),  # a refused disarm is answered by the evidence
     ),
     Phase.GO_AROUND: _because(
         (Ignored.ALREADY, (*_START, Event.OPERATOR_GO_AROUND)),
         (Ignored.GIVING_UP, (*_APPROACHING, Event.ABOVE_PAD, Event.PAD_IN_SIGHT, Event.VISION_LOST, Event.PAD_KNOWN)),
-        (Ignored.OTHER_PHASE, (*_HANDOVER, *_SEARCH_OVER)),
+        (Ignored.OTHER_PHASE, (*_HANDOVER, *_SEARCH_OVER, *_SIGHT)),
     ),
     Phase.ABORT: _because(
         (Ignored.ALREADY, (Event.OPERATOR_ABORT,)),
         (Ignored.GIVING_UP, (*_START, *_AROUND, *_APPROACHING, Event.ABOVE_PAD, Event.PAD_IN_SIGHT)),
         (Ignored.ANOTHER_EVENT, (Event.VISION_LOST, Event.PAD_KNOWN)),
-        (Ignored.OTHER_PHASE, (*_HANDOVER, *_SEARCH_OVER)),
+        (Ignored.OTHER_PHASE, (*_HANDOVER, *_SEARCH_OVER, *_SIGHT)),
     ),
     Phase.HOLD: _because(
         (Ignored.ALREADY, (Event.OPERATOR_ABORT, Event.OPERATOR_HOLD)),
         (Ignored.AUTOPILOT_FLIES, (Event.STALLED, Event.START_ON_GROUND, *_LIMITS)),
-        (Ignored.OTHER_PHASE, (*_HANDOVER, *_AROUND, *_APPROACHING, *_PAD, *_SEARCH_OVER)),
+        (Ignored.OTHER_PHASE, (*_HANDOVER, *_AROUND, *_APPROACHING, *_PAD, *_SEARCH_OVER, Event.SIGHT_LOST_HOLD)),
     ),
     Phase.RETURN: _because(
         (Ignored.ALREADY, (Event.OPERATOR_RETURN, Event.BATTERY_LOW, Event.FLIGHT_TOO_LONG)),
         (Ignored.AUTOPILOT_FLIES, (Event.STALLED, Event.OUTSIDE_FENCE, *_START)),
-        (Ignored.OTHER_PHASE, (*_HANDOVER, *_AROUND, *_APPROACHING, *_PAD, *_SEARCH_OVER)),
+        (Ignored.OTHER_PHASE, (*_HANDOVER, *_AROUND, *_APPROACHING, *_PAD, *_SEARCH_OVER, *_SIGHT)),
     ),
     Phase.DONE: _because(
         (Ignored.NOT_OURS, tuple(Event))
