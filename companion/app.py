@@ -27,6 +27,7 @@ from companion.io.links import open_link
 from companion.io.mcap_log import FrameSink, LogOrigin, McapWriter
 from companion.io.run_folder import RunFolder, versions
 from companion.io.side_thread import Ask
+from companion.io.signing_key import signing_of
 from companion.io.tlog import TlogWriter
 from companion.messages import (
     Health,
@@ -43,6 +44,7 @@ from companion.services import services_of
 from companion.telemetry.flight_record import FlightRecord
 from companion.telemetry.live_view import LiveView
 from companion.telemetry.report import report_html
+from companion.trouble import Trouble
 from companion.vision import Detection
 from companion.vision.frame_watch import ArrivalWatch
 from companion.vision_worker import VisionWorker
@@ -104,7 +106,7 @@ class LiveApp:
 
     def __init__(self, config: Config, *, sinks: Sequence[LiveSink], autostart: bool) -> None:
         self.counters = LiveCounters()
-        self.onboard = Onboard(config, start_ns=time.monotonic_ns())
+        self.onboard = Onboard(config, start_ns=time.monotonic_ns(), signing=signing_of(config.link))
         self._config = config
         self._sinks = sinks
         self._frame_sinks = [sink for sink in sinks if isinstance(sink, FrameSink)]
@@ -139,7 +141,7 @@ class LiveApp:
                         tasks.create_task(self._timers()),
                         tasks.create_task(self._camera(self._config.vision.camera)),
                         tasks.create_task(self._detect()),
-                        tasks.create_task(self._watch_cameras()),
+                        tasks.create_task(self._watch()),
                     ]
                     await self._until_over()
                     for task in background:
@@ -217,26 +219,37 @@ class LiveApp:
 
     async def _camera(self, name: str) -> None:
         """Read frames; reconnect for ever: a camera that comes back is a camera."""
-        url = self._config.cameras[name].source
+        url, trouble = self._config.cameras[name].source, Trouble()
         while True:
+            text = f"{url}: the stream ended; trying again"
             try:
                 async for frame in frames(url):
+                    trouble.over()
                     if self._newest is not None:
                         self.counters.frames_dropped += 1
                     self._newest = (name, frame)
                     self._frame_ready.set()
                     self._report(*self._arrivals[name].arrived(time.monotonic_ns()))
-                self._report(Health(time.monotonic_ns(), "camera", 1, f"{url}: the stream ended; trying again"))
             except CameraError as error:
-                self._report(Health(time.monotonic_ns(), "camera", 1, str(error)))
+                text = str(error)
+            self._say(trouble, "camera", text)
             await asyncio.sleep(RECONNECT_S)
 
-    async def _watch_cameras(self) -> None:
-        """A dead camera sends nothing that could say so."""
+    async def _watch(self) -> None:
+        """A dead camera sends nothing that could say so; nor does an autopilot that is refused."""
+        refused, trouble = 0, Trouble()
         while True:
             await asyncio.sleep(WATCH_S)
             for watch in self._arrivals.values():
                 self._report(*watch.check(time.monotonic_ns()))
+            before, refused = refused, self.onboard.session.counters.frames_refused
+            if refused > before:
+                self._say(trouble, "link", f"frames refused: not signed with {self._config.link.signing_key_file}")
+
+    def _say(self, trouble: Trouble, subject: str, text: str) -> None:
+        now_ns = time.monotonic_ns()
+        if trouble.is_worth_saying(now_ns, text):
+            self._report(Health(now_ns, subject, 1, text))
 
     def _report(self, *health: Health) -> None:
         for sink in self._sinks:

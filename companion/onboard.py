@@ -18,6 +18,7 @@ from typing import Literal
 
 from companion.config import Config
 from companion.mavlink.session import Session
+from companion.mavlink.signing import Signing
 from companion.messages import (
     Input,
     Message,
@@ -46,9 +47,9 @@ class JournalEntry:
 class Onboard:
     """State: the session, the pipeline, the next tick, and the journal not yet taken."""
 
-    def __init__(self, config: Config, *, start_ns: int) -> None:
+    def __init__(self, config: Config, *, start_ns: int, signing: Signing | None = None) -> None:
         self._period_ns = round(1e9 / config.control.rate_hz)
-        self._session = Session(config.link, start_ns)
+        self._session = Session(config.link, start_ns, signing=signing)
         self._pipeline = Pipeline(config)
         self._next_tick_ns = start_ns + self._period_ns
         self._cameras = config.cameras

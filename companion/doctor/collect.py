@@ -16,6 +16,7 @@ from companion.doctor.parameters import RULES
 from companion.io.cameras import CameraError, CameraFrame, CaptureClock, frames
 from companion.io.link import LinkError
 from companion.io.links import open_link
+from companion.io.signing_key import signing_of
 from companion.mavlink.session import Session
 from companion.messages import CameraImage, PadObservation, SensorInput, VehicleStatus
 from companion.vision_worker import build_detector
@@ -50,7 +51,7 @@ class Listener:
     def __init__(self, config: Config, evidence: Evidence) -> None:
         self.evidence = evidence
         self._config = config
-        self._session = Session(config.link, time.monotonic_ns())
+        self._session = Session(config.link, time.monotonic_ns(), signing=signing_of(config.link))
         self._session.parameters.want([*RULES, *FENCE_NAMES])
         self._count_from_ns = time.monotonic_ns() + round(SETTLE_S * 1e9)
         self._offset_steps_s: list[float] = []

@@ -6,12 +6,16 @@ from companion.doctor.evidence import Evidence, Finding, Level, judged
 
 ENOUGH, LEAST = 0.8, 0.4
 """Shares of the wanted rate."""
+SAME_KEY = "the same key in the autopilot, in the beacon and in [link] signing_key_file"
 
 
 def check_link(evidence: Evidence) -> list[Finding]:
     link = evidence.config.link
     if evidence.link_error:
         return [Finding("link", Level.FAIL, evidence.link_error, "another program on this port? [link] url right?")]
+    if not evidence.was_heard and evidence.frames_refused:
+        text = f"all {evidence.frames_refused} frames refused: not signed with the key in {link.signing_key_file}"
+        return [Finding("link", Level.FAIL, text, SAME_KEY)]
     if not evidence.was_heard:
         text = f"nothing heard from system {link.target_system} on {link.url} in {evidence.duration_s:.0f} s"
         remedy = "is the autopilot on, the cable in, the baud rate right, [link] target_system its MAV_SYS_ID?"
@@ -49,7 +53,5 @@ def _damage(evidence: Evidence) -> list[Finding]:
         findings.append(Finding("link", Level.WARN, text, "noise on the line, wrong baud rate, or another protocol"))
     if evidence.frames_refused:
         text = f"{evidence.frames_refused} frames with a wrong or no signature"
-        findings.append(
-            Finding("link", Level.WARN, text, "the same key in the autopilot and in [link] signing_key_file")
-        )
+        findings.append(Finding("link", Level.WARN, text, SAME_KEY))
     return findings

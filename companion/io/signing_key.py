@@ -5,8 +5,13 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
-from companion.config import ConfigError
+from companion.config import ConfigError, Link
 from companion.mavlink.signing import KEY_BYTES, Signing
+
+
+def signing_of(link: Link) -> Signing | None:
+    """What the section asks for; None where it names no key. ConfigError where the file holds none."""
+    return None if link.signing_key_file is None else read_signing(Path(link.signing_key_file))
 
 
 def read_signing(path: Path) -> Signing:
