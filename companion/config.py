@@ -135,9 +135,16 @@ class Estimation(_Section, frozen=True):
 
 
 class Planning(_Section, frozen=True):
-    """The reference relative to the predicted pad, and what the sum of reference and pad motion may ask of the vehicle."""
+    """The reference relative to the predicted pad, and what the sum of reference and pad motion may ask of the vehicle.
+
+    `follower = "ground"` leaves a plan where it is until the pad has moved `deviation_threshold_m`. The two headings are for
+    planners that leave and arrive along a direction, where the vehicle's velocity and the pad's say none."""
 
     planner: str = "bspline"
+    follower: str = "pad"
+    deviation_threshold_m: Positive = 1.0
+    start_heading_deg: float | None = None
+    end_heading_deg: float | None = None
     degree: Annotated[int, Meta(ge=3, le=7)] = 3
     control_points: Annotated[int, Meta(ge=6, le=24)] = 10
     replan_hz: Positive = 10.0
@@ -195,11 +202,15 @@ class Control(_Section, frozen=True):
 class Mission(_Section, frozen=True):
     """When to do what. Heights are above the pad unless a key says otherwise. `search_cone_s` is how long the search goes on
     drifting with the pad's last known velocity, `lost_action` what follows a search that found nothing; `commit_heave_m_s`
-    and `commit_deck_tilt_deg` say which motion of the deck may be touched. `follow_behind_m` puts the place to wait for the
+    and `commit_deck_tilt_deg` say which motion of the deck may be touched. `sight = "beacon"` lets the pad's own report stand
+    in for the camera: only where both positions are good to decimetres (RTK, a hall with localisation). `follow_to_the_end`
+    lets the descent begin only when the plan to above the pad has been flown to its end. `follow_behind_m` puts the place to wait for the
     descent behind the pad instead of above it, for a camera that looks forward at an upright marker. `sight_lost_action`
     is what follows a descent without sight: climb and try again, or the autopilot's Hold until the pad is seen again."""
 
     start_wait_s: NonNegative = 5.0
+    sight: Literal["camera", "beacon"] = "camera"
+    follow_to_the_end: bool = False
 
     takeoff_height_m: Positive = 6.0
     search_height_m: Positive = 10.0
@@ -279,6 +290,15 @@ class Safety(_Section, frozen=True):
     zones: tuple[Zone, ...] = ()
 
 
+class Guidance(_Section, frozen=True):
+    """With a `form`, Companion flies nothing: it tells the autopilot's own precision landing where the pad is (LANDING_TARGET),
+    as often as `rate_hz` and only while a camera has seen the pad within `sight_age_s` (docs/guidance.md)."""
+
+    form: Literal["off", "px4", "ardupilot", "ardupilot_angles"] = "off"
+    rate_hz: Positive = 20.0
+    sight_age_s: Positive = 0.4
+
+
 class Mqtt(_Section, frozen=True):
     """Telemetry to a broker, commands and pad beacon from it (docs/mqtt.md). The password stands in a file of its own, so
     that it does not end up in run folders. A broker elsewhere needs `tls` and `user`, or `insecure` where one knows better.
@@ -329,6 +349,7 @@ class Config(_Section, frozen=True):
     control: Control = Control()
     mission: Mission = Mission()
     safety: Safety = Safety()
+    guidance: Guidance = Guidance()
     mqtt: Mqtt = Mqtt()
     dashboard: Dashboard = Dashboard()
 

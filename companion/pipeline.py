@@ -24,6 +24,7 @@ from companion.geometry import (
     subtract,
     yaw_of,
 )
+from companion.guidance import Guidance
 from companion.messages import (
     CommandResult,
     Input,
@@ -51,8 +52,8 @@ from companion.mission.machine import Machine
 from companion.mission.preflight import MAX_MODE_AGE_S, MAX_STATE_AGE_S
 from companion.mission.search_area import SearchArea
 from companion.mount import mounted
-from companion.planning import PLANNERS
-from companion.planning.follower import FollowRequest, ReferenceFollower
+from companion.planning import FOLLOWERS, PLANNERS
+from companion.planning.follower import FollowRequest
 from companion.situation import Situation
 from companion.vision.detector import DetectionHint
 from companion.vision.field_of_view import half_field_rad, may_be_in_view
@@ -88,13 +89,15 @@ class Pipeline:
         self._config = config
         self._tracker = make_tracker(config.estimation, config.pad, config.cameras)
         self._machine = Machine(config.mission, config.safety)
-        self._follower = ReferenceFollower(PLANNERS[config.planning.planner](config.planning), config.planning)
+        planner = PLANNERS[config.planning.planner](config.planning)
+        self._follower = FOLLOWERS[config.planning.follower](planner, config.planning)
         self._controller = CONTROLLERS[config.control.controller](config.control)
         self._half_fields_rad = {name: half_field_rad(from_config(camera)) for name, camera in config.cameras.items()}
         self._closest_m = {name: 0.95 * c.fy_px / c.height_px for name, c in config.cameras.items()}
         self._pad_radius_m = 0.5 * math.hypot(config.pad.length_m, config.pad.width_m)
         self._mounts = {name: mounted(camera) for name, camera in config.cameras.items()}
         self._situation = Situation(config, self._tracker)
+        self._guidance = None if config.guidance.form == "off" else Guidance(config.guidance)
         self._no_plan_since_ns: int | None = None
         self._start: VehiclePose | None = None
         self._start_yaw_rad = 0.0
@@ -109,7 +112,7 @@ class Pipeline:
     @property
     def note(self) -> str:
         """Why the mission is where it is."""
-        return self._machine.note
+        return self._machine.note if self._guidance is None else self._guidance.note
 
     @property
     def go_arounds(self) -> int:
@@ -141,6 +144,8 @@ class Pipeline:
             case CommandResult():
                 self._situation.add_command_result(message)
             case OperatorCommand():
+                if self._guidance is not None:
+                    return [self._guidance.answer(message)]
                 self._situation.operator = message.action
             case _:
                 pass
@@ -182,6 +187,8 @@ class Pipeline:
         pad = self._tracker.estimate(t_ns)
         self._situation.commanded_down_m_s = None if self._setpoint is None else self._setpoint.velocity_ned_m_s[2]
         facts = self._situation.facts(t_ns, pose, self._state_ns(), pad, dt_s=dt_s)
+        if self._guidance is not None:
+            return self._guide(self._guidance, facts, pad)
         step = self._machine.step(facts, dt_s=dt_s)
         self._situation.operator = None
         outputs: list[Output] = [*step.changes, *step.health]
@@ -197,6 +204,12 @@ class Pipeline:
             outputs.append(pad)
         outputs.append(self._view(facts, step.phase))
         return outputs
+
+    def _guide(self, guidance: Guidance, facts: Facts, pad: PadEstimate | None) -> list[Output]:
+        """The autopilot lands by itself: no mission, no setpoint, no request."""
+        told = guidance.report(facts.t_ns, pad)
+        outputs: tuple[Output | None, ...] = (told, pad, self._view(facts, self.phase))
+        return [output for output in outputs if output is not None]
 
     def _state_ns(self) -> int | None:
         latest = self._tracker.history.latest
@@ -319,8 +332,10 @@ class Pipeline:
                 pad_velocity_m_s=target.velocity_m_s,
                 pad_acceleration_m_s2=target.acceleration_ahead_m_s2,
                 max_descent_m_s=goal.max_descent_m_s,
+                pad_position_m=target.position_m,
             )
         )
+        self._situation.plan_to_go_s = self._follower.to_go_s(t_ns)
         if followed.plan is not None:
             outputs.append(followed.plan)
             self._note_plan(followed.plan)
@@ -390,6 +405,7 @@ class Pipeline:
                 yaw_rate_rad_s=pose.angular_velocity_frd_rad_s[2],
                 commanded_velocity_ned_m_s=commanded_m_s,
                 relative_position_m=relative_m,
+                announced_yaw_rad=pad.yaw_rad if pad is not None and pad.beacon_age_s is not None else None,
             )
         )
         limit = math.radians(control.max_yaw_rate_deg_s)
@@ -405,6 +421,6 @@ class Pipeline:
             relative_velocity_ned_m_s=facts.relative_velocity_m_s,
             height_above_pad_m=facts.height_above_pad_m,
             pad_seen=seen,
-            note=self._machine.note,
+            note=self.note,
             go_arounds=self._machine.go_arounds,
         )

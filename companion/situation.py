@@ -68,6 +68,7 @@ class Situation:
         self.operator: OperatorAction | None = None
         self.refused: str | None = None
         self.no_plan: str | None = None
+        self.plan_to_go_s: float | None = None
         self.flight_start_ned_m: Vec3 | None = None
         self.commanded_down_m_s: float | None = None
 
@@ -114,6 +115,7 @@ class Situation:
             relative_velocity_m_s=velocity,
             touchdown=self._evidence,
             no_plan_reason=self.no_plan,
+            plan_to_go_s=self.plan_to_go_s,
             operator=self.operator,
             refused=self.refused,
             frame_age_s=None if self._frame_ns is None else (t_ns - self._frame_ns) / 1e9,

@@ -15,7 +15,7 @@ class Facts:
     """`relative_*` is vehicle minus pad in W axes; ages are None where there was never anything.
 
     `no_fly_zone` holds the vehicle (or the place where it could stop), `no_land_zone` the pad where it will be at contact;
-    `tick_gap_s` is the time since the tick before this one.
+    `tick_gap_s` is the time since the tick before this one, `plan_to_go_s` until the running plan ends (0: flown).
     """
 
     t_ns: int
@@ -39,6 +39,7 @@ class Facts:
     no_land_zone: str | None = None
     unplaced_zones: tuple[str, ...] = ()
     half_deck_m: float = 0.75
+    plan_to_go_s: float | None = None
     contact: Contact | None = None
 
     @property

@@ -11,6 +11,7 @@ from companion.geometry import ZERO
 from companion.messages import Phase, Vec3
 from companion.mission.contact import window_is_closed
 from companion.mission.facts import Facts
+from companion.mission.guards import sight_age_s
 
 Frame = Literal["pad", "start"]
 Style = Literal["plan", "level", "ramp", "press", "pattern", "stay"]
@@ -33,6 +34,10 @@ class Goal:
 
 WAIT_MARGIN_M = 0.4
 """Above the commit height: from here the touchdown window counts."""
+
+
+BEHIND_STEP_RAD = math.radians(10.0)
+"""The place behind the pad follows its heading in steps: a goal that moves with every estimate is never reached."""
 
 
 def goal_of(phase: Phase, facts: Facts, mission: Mission) -> Goal | None:
@@ -63,9 +68,9 @@ def _above(height_m: float) -> Goal:
 def _waiting_place(height_m: float, facts: Facts, mission: Mission) -> Goal:
     """Above the pad, or above a point behind it."""
     behind_m = mission.follow_behind_m
-    yaw_rad = None if facts.pad is None else facts.pad.yaw_rad
-    if behind_m == 0.0 or yaw_rad is None:
+    if behind_m == 0.0 or facts.pad is None:
         return _above(height_m)
+    yaw_rad = BEHIND_STEP_RAD * round(facts.pad.yaw_rad / BEHIND_STEP_RAD)
     return Goal("pad", "plan", (-behind_m * math.cos(yaw_rad), -behind_m * math.sin(yaw_rad), -height_m))
 
 
@@ -90,7 +95,7 @@ def _waits_for_the_deck(facts: Facts, mission: Mission) -> bool:
 def may_descend(facts: Facts, mission: Mission) -> bool:
     """Inside the cone, and the pad seen a moment ago."""
     height, miss = facts.height_above_pad_m, facts.miss_m
-    if height is None or miss is None or facts.pad is None or facts.pad.vision_age_s is None:
+    if height is None or miss is None:
         return False
     inside = miss <= mission.cone_radius_m + mission.cone_slope * height
-    return inside and facts.pad.vision_age_s <= mission.vision_hold_s
+    return inside and sight_age_s(facts, mission) <= mission.vision_hold_s

@@ -109,7 +109,7 @@ class Machine:
         if self._since_ns is None:
             self._since_ns = facts.t_ns
         self._above_pad_for_s = self._above_pad_for_s + dt_s if is_above_pad(facts, self._mission) else 0.0
-        self._in_sight_for_s = self._in_sight_for_s + dt_s if is_in_sight(facts) else 0.0
+        self._in_sight_for_s = self._in_sight_for_s + dt_s if is_in_sight(facts, self._mission) else 0.0
 
     def _context(self, t_ns: int) -> Context:
         return Context(

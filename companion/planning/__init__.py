@@ -11,7 +11,9 @@ from collections.abc import Callable
 from companion.config import Planning
 from companion.planning.bezier import BezierPlanner
 from companion.planning.bspline import BSplinePlanner
+from companion.planning.follower import Follower, ReferenceFollower
 from companion.planning.four_point import FourPointPlanner
+from companion.planning.ground_follower import GroundFollower
 from companion.planning.limits import Limits, ProvenBounds, limits_from_config
 from companion.planning.obstacle import Cylinder, Obstacle, Sphere
 from companion.planning.request import (
@@ -27,6 +29,7 @@ from companion.planning.trajectory import Trajectory
 from companion.planning.view import FieldOfView
 
 __all__ = [
+    "FOLLOWERS",
     "PLANNERS",
     "Cylinder",
     "DescentCone",
@@ -73,3 +76,6 @@ PLANNERS: dict[str, Callable[[Planning], Planner]] = {
     "min_snap": _min_snap,
 }
 """Factories by the name in the configuration."""
+
+FOLLOWERS: dict[str, Callable[[Planner, Planning], Follower]] = {"pad": ReferenceFollower, "ground": GroundFollower}
+"""What a plan is fixed to, by the name in `planning.follower`."""

@@ -152,16 +152,22 @@ class BezierPlanner:
     """The landing curve over the predicted pad, flown with a smooth speed along its length.
 
     Heading at the start is that of the relative velocity, at the pad the approach direction of the request; where those
-    say nothing, the line of sight. Quintics between points of the curve make it a trajectory, the first and the last take
+    say nothing, the ones given, and the line of sight without. Quintics between points of the curve make it a trajectory, the first and the last take
     the exact start and goal states.
     """
 
-    def __init__(self, ratio: float = 0.5) -> None:
+    def __init__(
+        self, ratio: float = 0.5, start_heading_rad: float | None = None, end_heading_rad: float | None = None
+    ) -> None:
         self._ratio = ratio
+        self._start_heading_rad = start_heading_rad
+        self._end_heading_rad = end_heading_rad
 
     @classmethod
     def from_config(cls, planning: Planning) -> BezierPlanner:
-        return cls(planning.bezier_ratio)
+        headings_deg = (planning.start_heading_deg, planning.end_heading_deg)
+        start, end = (None if angle is None else math.radians(angle) for angle in headings_deg)
+        return cls(planning.bezier_ratio, start, end)
 
     def plan(self, request: PlanRequest) -> Plan | NoPlan:
         """A Plan, or NoPlan with what binds at the slowest tried."""
@@ -184,8 +190,9 @@ class BezierPlanner:
     def _curve(self, request: PlanRequest) -> BezierCurve:
         start, goal = request.position_m, request.goal_position_m
         sight = subtract(goal, start)
-        first = _heading(request.velocity_m_s, SLOW_M_S, _heading(sight, 0.0, 0.0))
-        last = _heading(request.goal_velocity_m_s, SLOW_M_S, _heading(sight, 0.0, 0.0))
+        line = _heading(sight, 0.0, 0.0)
+        first = _heading(request.velocity_m_s, SLOW_M_S, _given(self._start_heading_rad, line))
+        last = _heading(request.goal_velocity_m_s, SLOW_M_S, _given(self._end_heading_rad, line))
         if request.approach_direction is not None:
             last = _heading(request.approach_direction, 0.0, last)
         try:
@@ -196,6 +203,10 @@ class BezierPlanner:
 
 def _heading(vector: Vec3, least: float, otherwise: float) -> float:
     return math.atan2(vector[1], vector[0]) if horizontal_norm(vector) > least else otherwise
+
+
+def _given(angle_rad: float | None, otherwise_rad: float) -> float:
+    return otherwise_rad if angle_rad is None else angle_rad
 
 
 def _timed(request: PlanRequest, curve: BezierCurve, table: ArcLength, duration_s: float) -> Trajectory:

@@ -7,7 +7,7 @@ parted (the estimate jumped, a gust) does it start from the vehicle itself. Rela
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, Protocol
 
 from companion.config import Planning
 from companion.geometry import ZERO, norm, subtract
@@ -35,7 +35,7 @@ State = tuple[Vec3, Vec3, Vec3]
 class FollowRequest:
     """`position_m`, `velocity_m_s`: vehicle minus pad now. The goal is relative to the pad as well.
 
-    Styles: `plan` to the goal; `level` to the goal's place at the height where it was first asked for; `ramp` straight down.
+    `pad_position_m` is the pad in W. Styles: `plan` to the goal; `level` to the goal's place at the height where it was first asked for; `ramp` straight down.
     """
 
     t_ns: int
@@ -48,6 +48,7 @@ class FollowRequest:
     pad_velocity_m_s: Vec3
     pad_acceleration_m_s2: Vec3
     max_descent_m_s: float | None
+    pad_position_m: Vec3 = ZERO
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,8 +60,21 @@ class Followed:
     plan: PlanMade | None
 
 
+class Follower(Protocol):
+    """What the pipeline asks each tick."""
+
+    def follow(self, request: FollowRequest) -> Followed:
+        """The reference for this tick."""
+
+    def to_go_s(self, t_ns: int) -> float | None:
+        """Until the running plan ends, 0 after it; None without one."""
+
+    def reset(self) -> None:
+        """Forget the plan."""
+
+
 class ReferenceFollower:
-    """State: the running plan and what it was made for."""
+    """`planning.follower = "pad"`: the plan moves with the pad. State: the running plan and what it was made for."""
 
     def __init__(self, planner: Planner, config: Planning) -> None:
         self._planner = planner
@@ -76,6 +90,10 @@ class ReferenceFollower:
     def reset(self) -> None:
         self._plan, self._made_for, self._last = None, None, None
         self._ramp_down_m, self._level_down_m, self._found = None, None, True
+
+    def to_go_s(self, t_ns: int) -> float | None:
+        """Until the running plan ends, 0 after it; None without one."""
+        return None if self._plan is None else max(0.0, (self._plan.trajectory.end_ns - t_ns) / 1e9)
 
     def follow(self, request: FollowRequest) -> Followed:
         """The reference for this tick."""

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 from companion import config
 from companion.vision.aruco import ArucoDetector
+from companion.vision.blind import BlindDetector
 from companion.vision.camera_model import CameraModel
 from companion.vision.colour import ColourDetector
 from companion.vision.cross import CrossDetector
@@ -17,6 +18,7 @@ DETECTORS: dict[str, Callable[[config.Vision, config.Pad, CameraModel], Detector
     "aruco": ArucoDetector,
     "colour": ColourDetector,
     "cross": CrossDetector,
+    "none": BlindDetector,
     "vertical": vertical_detector,
 }
 """Name in `[vision] detector` to the factory (vision, pad, lens)."""
