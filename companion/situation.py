@@ -37,6 +37,12 @@ BRAKING_M_S2 = 4.0
 FREE_HEIGHT_M = 1.5
 """From here up the deck's ground effect does not change the hover thrust."""
 
+MAX_SIGHT_DELAY_S = 1.0
+"""What comes in later than this after its capture says where the pad was, not that it is in sight."""
+
+SAME_SIGHT_NS = 1_000_000
+"""Rounding of an age to seconds and back is no new sight."""
+
 MAX_CONTACT_S = 3.0
 """A deck is not predicted further ahead."""
 
@@ -62,6 +68,7 @@ class Situation:
         self._range: RangeMeasurement | None = None
         self._thrust: ThrustReport | None = None
         self._frame_ns: int | None = None
+        self._sight: tuple[int, int] | None = None
         self._last_tick_ns: int | None = None
         self._placed: tuple[tuple[Vec2 | None, Vec3 | None], Zones] | None = None
         self.status: VehicleStatus | None = None
@@ -126,7 +133,17 @@ class Situation:
             unplaced_zones=zones.unplaced,
             half_deck_m=0.5 * min(self._config.pad.length_m, self._config.pad.width_m),
             contact=self._contact(position, velocity, then),
+            sight_age_s=self._sight_age_s(t_ns, pad),
         )
+
+    def _sight_age_s(self, t_ns: int, pad: PadEstimate | None) -> float | None:
+        """Since the newest sight came in; what was already older than MAX_SIGHT_DELAY_S then is that much older."""
+        if pad is None or pad.vision_age_s is None:
+            return None
+        captured_ns = t_ns - round(pad.vision_age_s * 1e9)
+        if self._sight is None or captured_ns > self._sight[0] + SAME_SIGHT_NS:
+            self._sight = (captured_ns, t_ns)
+        return max((t_ns - self._sight[1]) / 1e9, pad.vision_age_s - MAX_SIGHT_DELAY_S)
 
     def zones(self) -> Zones:
         """Placed anew only when the home has moved."""

@@ -15,7 +15,12 @@ class Facts:
     """`relative_*` is vehicle minus pad in W axes; ages are None where there was never anything.
 
     `no_fly_zone` holds the vehicle (or the place where it could stop), `no_land_zone` the pad where it will be at contact;
+<<<<<<< ours
     `tick_gap_s` is the time since the tick before this one, `plan_to_go_s` until the running plan ends (0: flown).
+=======
+    `tick_gap_s` is the time since the tick before this one; `sight_age_s` the time since the newest sight of the pad came in
+    (a camera that is always half a second late still sees the pad; `pad.vision_age_s` counts from the capture).
+>>>>>>> theirs
     """
 
     t_ns: int
@@ -41,6 +46,7 @@ class Facts:
     half_deck_m: float = 0.75
     plan_to_go_s: float | None = None
     contact: Contact | None = None
+    sight_age_s: float | None = None
 
     @property
     def miss_m(self) -> float | None:

@@ -140,3 +140,19 @@ def test_a_no_fly_zone_counts_from_where_the_vehicle_could_stop() -> None:
     assert facts.no_fly_zone is None
     facts = scene.run(0.4, height_m=5.0, sink_m_s=0.0, thrust=0.5, speed_m_s=4.0)
     assert facts.no_fly_zone == "mast"
+
+
+def test_a_camera_that_is_always_late_still_sees_the_pad_until_no_new_sight_comes_in() -> None:
+    situation, ages = Situation(Config(), Moving()), []
+    for tick in range(100):
+        t_ns = tick * DT_NS
+        captured_ns = min(t_ns, 1_000_000_000) - 500_000_000  # half a second late; none taken after 0.5 s
+        pad = replace(PAD, t_ns=t_ns, vision_age_s=(t_ns - captured_ns) / 1e9)
+        ages.append(situation.facts(t_ns, None, None, pad, dt_s=DT_S).sight_age_s)
+    assert max(ages[:51]) == 0.0
+    assert ages[-1] == pytest.approx(0.98)
+
+
+def test_news_of_long_ago_is_no_sight() -> None:
+    facts = Situation(Config(), Moving()).facts(0, None, None, replace(PAD, vision_age_s=4.0), dt_s=DT_S)
+    assert facts.sight_age_s == pytest.approx(3.0)

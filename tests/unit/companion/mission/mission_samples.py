@@ -47,5 +47,6 @@ FACTS = Facts(
     operator=None,
     refused=None,
     frame_age_s=0.03,
+    sight_age_s=0.05,
 )
 STANDING = TouchdownEvidence(suspected=True, airborne=False, proven_for_s=1.0, signs=("range 0.15 m", "thrust low"))

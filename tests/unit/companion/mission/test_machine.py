@@ -56,8 +56,8 @@ class Flight:
         steps: list[tuple[Phase, float, dict[str, object]]] = [
             (Phase.ENGAGE, DT_S, {"operator": OperatorAction.START}),
             (Phase.SEARCH, 0.4, {"status": self.status(mode=AutopilotMode.OFFBOARD)}),
-            (Phase.APPROACH, DT_S, {"pad": replace(PAD, vision_age_s=None)}),
-            (Phase.FOLLOW, 0.5, {"pad": PAD}),
+            (Phase.APPROACH, DT_S, {"pad": replace(PAD, vision_age_s=None), "sight_age_s": None}),
+            (Phase.FOLLOW, 0.5, {"pad": PAD, "sight_age_s": 0.02}),
             (Phase.DESCEND, 1.0, near),
             (Phase.COMMIT, DT_S, low),
             (Phase.TOUCHDOWN, DT_S, {"touchdown": STANDING}),
@@ -162,7 +162,7 @@ def test_hold_is_asked_for_while_our_mode_holds_and_never_against_another() -> N
 
 def test_pad_out_of_sight_for_too_long_in_the_descent_means_go_around_then_follow_again() -> None:
     flight = Flight().to(Phase.DESCEND)
-    assert flight.tick(pad=replace(PAD, vision_age_s=3.0)) is Phase.GO_AROUND
+    assert flight.tick(sight_age_s=3.0) is Phase.GO_AROUND
     assert flight.machine.go_arounds == 1
     assert flight.tick(pad=PAD, relative_position_m=(0.0, 0.0, -5.0)) is Phase.FOLLOW
 
@@ -260,7 +260,7 @@ def test_the_pad_in_a_no_land_zone_is_followed_and_not_landed_on() -> None:
 
 @pytest.mark.parametrize(
     "changes",
-    [{"relative_position_m": (0.8, 0.0, -0.7)}, {"pad": replace(PAD, vision_age_s=2.6)}],
+    [{"relative_position_m": (0.8, 0.0, -0.7)}, {"sight_age_s": 2.6}],
     ids=["beside the deck", "pad hidden"],
 )
 def test_over_water_the_last_metre_is_flown_over_the_seen_deck_only(changes: dict[str, object]) -> None:

@@ -127,6 +127,7 @@ class AnyFlight(RuleBasedStateMachine):
         self.facts = replace(
             self.facts,
             pad=pad,
+            sight_age_s=seen,
             relative_position_m=(north, 0.0, -height),
             relative_velocity_m_s=(speed, 0.0, 0.0),
         )
@@ -135,7 +136,7 @@ class AnyFlight(RuleBasedStateMachine):
     @rule(height=st.sampled_from([0.3, 0.6, 5.0]))
     def the_pad_is_below_and_stays_there(self, height: float) -> None:
         still = {"relative_position_m": (0.05, 0.0, -height), "relative_velocity_m_s": (0.0, 0.0, 0.0)}
-        self.facts = replace(self.facts, pad=PAD, **still)  # type: ignore[arg-type]
+        self.facts = replace(self.facts, pad=PAD, sight_age_s=0.02, **still)  # type: ignore[arg-type]
         for _ in range(60):
             self.tick()
 
