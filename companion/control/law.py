@@ -51,7 +51,8 @@ class ControlOutput:
 
 @dataclass(frozen=True, slots=True)
 class YawInput:
-    """All that a yaw law may look at. Angles in rad, NED. `relative_position_m` is vehicle minus pad, None without a pad."""
+    """All that a yaw law may look at. Angles in rad, NED. `relative_position_m` is vehicle minus pad, None without a pad.
+    `pad_yaw_rad` is known once the pad has been seen; `announced_yaw_rad` is what its beacon says before."""
 
     yaw_rad: float
     initial_yaw_rad: float
@@ -60,6 +61,7 @@ class YawInput:
     yaw_rate_rad_s: float = 0.0
     commanded_velocity_ned_m_s: Vec3 = ZERO
     relative_position_m: Vec3 | None = None
+    announced_yaw_rad: float | None = None
 
 
 class Controller(Protocol):

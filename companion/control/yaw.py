@@ -49,7 +49,10 @@ def yaw_to_command(yaw: YawInput) -> float:
 
 
 def yaw_in_box(yaw: YawInput) -> float:
-    """`guo`: turn to the pad's heading only inside the box around the landing point, else leave the nose alone."""
+    """`guo`: turn to the announced heading while the pad has not been seen, then leave the nose alone until inside the box
+    around the landing point, and there turn to the heading that is seen."""
+    if yaw.pad_yaw_rad is None and yaw.announced_yaw_rad is not None:
+        return wrap_pi(yaw.announced_yaw_rad - yaw.yaw_rad)
     if yaw.pad_yaw_rad is None or yaw.relative_position_m is None:
         return 0.0
     return yaw_to_pad(yaw) if _is_in_box(yaw.relative_position_m, yaw.pad_yaw_rad) else 0.0
