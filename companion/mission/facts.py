@@ -15,12 +15,9 @@ class Facts:
     """`relative_*` is vehicle minus pad in W axes; ages are None where there was never anything.
 
     `no_fly_zone` holds the vehicle (or the place where it could stop), `no_land_zone` the pad where it will be at contact;
-<<<<<<< ours
-    `tick_gap_s` is the time since the tick before this one, `plan_to_go_s` until the running plan ends (0: flown).
-=======
-    `tick_gap_s` is the time since the tick before this one; `sight_age_s` the time since the newest sight of the pad came in
-    (a camera that is always half a second late still sees the pad; `pad.vision_age_s` counts from the capture).
->>>>>>> theirs
+    `tick_gap_s` is the time since the tick before this one, `plan_to_go_s` until the running plan ends (0: flown);
+    `sight_age_s` the time since the newest sight of the pad came in (a camera that is always half a second late still sees the
+    pad; `pad.vision_age_s` counts from the capture).
     """
 
     t_ns: int

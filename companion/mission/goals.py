@@ -95,14 +95,7 @@ def _waits_for_the_deck(facts: Facts, mission: Mission) -> bool:
 def may_descend(facts: Facts, mission: Mission) -> bool:
     """Inside the cone, and the pad seen a moment ago."""
     height, miss = facts.height_above_pad_m, facts.miss_m
-<<<<<<< ours
     if height is None or miss is None:
         return False
     inside = miss <= mission.cone_radius_m + mission.cone_slope * height
     return inside and sight_age_s(facts, mission) <= mission.vision_hold_s
-=======
-    if height is None or miss is None or facts.pad is None or facts.sight_age_s is None:
-        return False
-    inside = miss <= mission.cone_radius_m + mission.cone_slope * height
-    return inside and facts.sight_age_s <= mission.vision_hold_s
->>>>>>> theirs

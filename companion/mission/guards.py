@@ -155,11 +155,7 @@ def no_landing_here(facts: Facts, context: Context) -> str | None:
         return None
     if miss > facts.half_deck_m:
         return f"{miss:.2f} m off the pad's centre over water"
-<<<<<<< ours
     age = sight_age_s(facts, context.mission)
-=======
-    age = _sight_age(facts)
->>>>>>> theirs
     return f"pad not seen for {age:.1f} s over water" if age > mission.vision_lost_descend_s else None
 
 
@@ -190,11 +186,7 @@ def commit_unsafe(facts: Facts, context: Context) -> str | None:
         return f"the deck will tilt {math.degrees(facts.contact.deck_tilt_rad):.0f} deg"
     if context.phase_age_s > mission.max_commit_s:
         return f"no contact within {mission.max_commit_s:.0f} s"
-<<<<<<< ours
     age = sight_age_s(facts, context.mission)
-=======
-    age = _sight_age(facts)
->>>>>>> theirs
     if height > mission.blind_height_m and age > mission.vision_lost_descend_s:
         return f"pad not seen for {age:.1f} s at {height:.1f} m"
     return None
@@ -239,11 +231,7 @@ def above_pad(facts: Facts, context: Context) -> str | None:
 def is_above_pad(facts: Facts, mission: Mission) -> bool:
     """Close to the pad's vertical and moving with it, seen right now."""
     miss, speed = facts.miss_m, facts.relative_speed_m_s
-<<<<<<< ours
     if miss is None or speed is None or sight_age_s(facts, mission) > 0.3:
-=======
-    if miss is None or speed is None or _sight_age(facts) > 0.3:
->>>>>>> theirs
         return False
     return miss <= mission.follow_radius_m and speed <= mission.follow_speed_m_s
 
@@ -257,11 +245,7 @@ def climbed(facts: Facts, context: Context) -> str | None:
 
 def is_in_sight(facts: Facts, mission: Mission) -> bool:
     """Seen within the last frames, and the estimate has settled on what was seen."""
-<<<<<<< ours
     return facts.pad is not None and sight_age_s(facts, mission) < 0.3 and facts.pad.position_sigma_m < 1.0
-=======
-    return facts.pad is not None and _sight_age(facts) < 0.3 and facts.pad.position_sigma_m < 1.0
->>>>>>> theirs
 
 
 def pad_in_sight(facts: Facts, context: Context) -> str | None:
@@ -273,11 +257,7 @@ def pad_in_sight(facts: Facts, context: Context) -> str | None:
 def vision_lost(facts: Facts, context: Context) -> str | None:
     limits = {Phase.DESCEND: context.mission.vision_lost_descend_s}
     limit = limits.get(context.phase, context.mission.vision_lost_follow_s)
-<<<<<<< ours
     age = sight_age_s(facts, context.mission)
-=======
-    age = _sight_age(facts)
->>>>>>> theirs
     return f"pad not seen for {age:.1f} s" if age > limit else None
 
 
@@ -314,17 +294,12 @@ def pad_known(facts: Facts, context: Context) -> str | None:
     return None if pad_lost(facts, context) else "an estimate of the pad"
 
 
-<<<<<<< ours
 def sight_age_s(facts: Facts, mission: Mission) -> float:
     """Since the pad was last seen; where `mission.sight` is "beacon", since it was last heard of."""
     if facts.pad is None:
         return math.inf
-    ages = [facts.pad.vision_age_s] + ([facts.pad.beacon_age_s] if mission.sight == "beacon" else [])
+    ages = [facts.sight_age_s] + ([facts.pad.beacon_age_s] if mission.sight == "beacon" else [])
     return min((age for age in ages if age is not None), default=math.inf)
-=======
-def _sight_age(facts: Facts) -> float:
-    return math.inf if facts.pad is None or facts.sight_age_s is None else facts.sight_age_s
->>>>>>> theirs
 
 
 GUARDS: dict[Event, Guard] = {
