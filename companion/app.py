@@ -370,7 +370,8 @@ class LiveViewSink:
 
 
 def run_live(config: Config, *, start: bool, runs: Path, show: bool, console: Console | None = None) -> int:
-    """`companion run`: fly, keep a run folder, say how it ended. 0 where the vehicle stands on the pad, disarmed."""
+    """`companion run`: fly, keep a run folder, say how it ended. 0 where the vehicle stands on the pad, disarmed,
+    or where Companion only guided."""
     console = console or Console()
     folder = RunFolder(runs, time.strftime("run-%Y%m%d-%H%M%S"))
     folder.write_config(config)
@@ -380,8 +381,9 @@ def run_live(config: Config, *, start: bool, runs: Path, show: bool, console: Co
     app, record, wall_s = drive(config, folder, title="companion run", show=show, console=console, autostart=start)
     phase = app.onboard.pipeline.phase
     line = f"{phase}: {app.onboard.pipeline.note}"
+    guided = config.guidance.form != "off"
     figures = {
-        "outcome": "landed" if phase is Phase.DONE else "held",
+        "outcome": "guided" if guided else "landed" if phase is Phase.DONE else "held",
         "simulated": False,
         "phase": str(phase),
         "wall_s": wall_s,
@@ -389,7 +391,7 @@ def run_live(config: Config, *, start: bool, runs: Path, show: bool, console: Co
     folder.write_run(figures)
     folder.report.write_text(report_html(record, figures, title="companion run", line=line), encoding="utf-8")
     console.print(line)
-    return 0 if phase is Phase.DONE else 1
+    return 0 if guided or phase is Phase.DONE else 1
 
 
 def drive(

@@ -371,6 +371,14 @@ class VelocitySetpoint:
 
 
 @dataclass(frozen=True, slots=True)
+class PadReport:
+    """Where the pad is, for an autopilot that flies its own precision landing; W, local NED."""
+
+    t_ns: int
+    position_ned_m: Vec3
+
+
+@dataclass(frozen=True, slots=True)
 class VehicleCommand:
     """A discrete request to the autopilot. A forced disarm carries the evidence that the vehicle stands on the pad."""
 
@@ -422,6 +430,7 @@ SensorInput = (
 Input = SensorInput | OperatorCommand | Tick
 Output = (
     VelocitySetpoint
+    | PadReport
     | VehicleCommand
     | PadEstimate
     | MeasurementVerdict

@@ -25,6 +25,7 @@ from companion.messages import (
     OperatorAction,
     OperatorCommand,
     Output,
+    PadReport,
     Tick,
     VehicleCommand,
     VelocitySetpoint,
@@ -53,6 +54,7 @@ class Onboard:
         self._pipeline = Pipeline(config)
         self._next_tick_ns = start_ns + self._period_ns
         self._cameras = config.cameras
+        self._report_form = config.guidance.form
         self._sequence = 0
         self._journal: list[JournalEntry] = []
 
@@ -81,6 +83,8 @@ class Onboard:
     def _send(self, output: Output, now_ns: int) -> None:
         if isinstance(output, VelocitySetpoint):
             self._session.send_setpoint(output, now_ns)
+        elif isinstance(output, PadReport):
+            self._session.send_landing_target(self._report_form, output, now_ns)
         elif isinstance(output, VehicleCommand):
             self._session.send_command(output, now_ns)
 

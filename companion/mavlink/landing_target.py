@@ -1,8 +1,8 @@
 """LANDING_TARGET, for those who keep the autopilot's own precision landing and want the pad's position only.
 
 PX4 takes nothing but frame LOCAL_NED with position_valid 1: the pad in the autopilot's local frame. ArduPilot takes the
-direction to the pad in the body: angles about the camera's axes (forward and right) and the distance, or the position in
-BODY_FRD. Both want the time at which it was true on the autopilot's clock.
+direction to the pad in the body: the position in BODY_FRD, or (all its versions) angles about the camera's axes (forward and
+right) and the distance. Both want the time at which it was true on the autopilot's clock.
 """
 
 from __future__ import annotations
@@ -12,23 +12,23 @@ from collections.abc import Callable
 
 from companion.geometry import norm, quaternion_conjugate, rotate, subtract
 from companion.mavlink.dialect import LandingTarget
-from companion.messages import PadEstimate, Vec3, VehicleState
+from companion.messages import PadReport, Vec3, VehicleState
 
 FRAME_LOCAL_NED, FRAME_BODY_FRD = 1, 12
 TYPE_VISION_FIDUCIAL = 2
 NO_ROTATION = (1.0, 0.0, 0.0, 0.0)
 
-Form = Callable[[PadEstimate, VehicleState, int], LandingTarget]
+Form = Callable[[PadReport, VehicleState, int], LandingTarget]
 
 
-def px4_form(pad: PadEstimate, vehicle: VehicleState, t_boot_us: int) -> LandingTarget:
+def px4_form(pad: PadReport, vehicle: VehicleState, t_boot_us: int) -> LandingTarget:
     """The pad in the autopilot's local NED."""
     north, east, down = pad.position_ned_m
     distance = norm(subtract(pad.position_ned_m, vehicle.position_ned_m))
     return _target(t_boot_us, FRAME_LOCAL_NED, (north, east, down), (0.0, 0.0), distance)
 
 
-def ardupilot_form(pad: PadEstimate, vehicle: VehicleState, t_boot_us: int) -> LandingTarget:
+def ardupilot_form(pad: PadReport, vehicle: VehicleState, t_boot_us: int) -> LandingTarget:
     """The pad seen from the vehicle: x forward, y right, z down in the body, and the two angles off its down axis.
 
     angle_x is positive to the right, angle_y positive backwards, as in an image whose top looks forward.
@@ -39,7 +39,17 @@ def ardupilot_form(pad: PadEstimate, vehicle: VehicleState, t_boot_us: int) -> L
     return _target(t_boot_us, FRAME_BODY_FRD, p_BP, angles, norm(p_BP))
 
 
-LANDING_TARGET_FORMS: dict[str, Form] = {"px4": px4_form, "ardupilot": ardupilot_form}
+def ardupilot_angles_form(pad: PadReport, vehicle: VehicleState, t_boot_us: int) -> LandingTarget:
+    """The two angles and the distance only, as the first version of the message had them."""
+    full = ardupilot_form(pad, vehicle, t_boot_us)
+    return full._replace(x=0.0, y=0.0, z=0.0, position_valid=0)
+
+
+LANDING_TARGET_FORMS: dict[str, Form] = {
+    "px4": px4_form,
+    "ardupilot": ardupilot_form,
+    "ardupilot_angles": ardupilot_angles_form,
+}
 
 
 def _target(

@@ -33,7 +33,7 @@ from companion.mavlink.status import StatusTracker, same_but_for_age
 from companion.mavlink.texts import EventReader, TextAssembler
 from companion.mavlink.timesync import ClockQuality
 from companion.mavlink.vehicle import VehicleReader, acceleration_report, range_measurement, thrust_report
-from companion.messages import CommandKind, PadEstimate, SensorInput, VehicleCommand, VehicleStatus, VelocitySetpoint
+from companion.messages import CommandKind, PadReport, SensorInput, VehicleCommand, VehicleStatus, VelocitySetpoint
 
 Handler = Callable[[Any, int], None]
 Handlers = dict[type, Handler]
@@ -161,7 +161,7 @@ class Session:
         self.counters.setpoints_sent += 1
         return True
 
-    def send_landing_target(self, form: str, pad: PadEstimate, now_ns: int) -> bool:
+    def send_landing_target(self, form: str, pad: PadReport, now_ns: int) -> bool:
         """Tell an autopilot that lands by itself where the pad is. False where the vehicle's own state is unknown."""
         vehicle = self._vehicle.state
         if vehicle is None or not finite(*pad.position_ned_m):

@@ -7,15 +7,14 @@ from typing import Any
 
 import pytest
 
-from companion.mavlink.landing_target import ardupilot_form, px4_form
-from companion.messages import PadEstimate, VehicleState
+from companion.mavlink.landing_target import ardupilot_angles_form, ardupilot_form, px4_form
+from companion.messages import PadReport, VehicleState
 
 FACING_EAST = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
 
 
-def pad_at(north: float, east: float, down: float) -> PadEstimate:
-    rows = ((0.0,) * 6,) * 6
-    return PadEstimate(0, (north, east, down), (0.0,) * 3, (0.0,) * 3, 0.0, 0.0, rows, 0.0, None, "test")
+def pad_at(north: float, east: float, down: float) -> PadReport:
+    return PadReport(0, (north, east, down))
 
 
 def vehicle(q: Any = FACING_EAST) -> VehicleState:
@@ -35,6 +34,12 @@ def test_ardupilot_gets_the_pad_in_the_body() -> None:
     assert target.frame == 12
     assert (target.x, target.y, target.z) == pytest.approx((0.0, 4.0, 4.0), abs=1e-9)
     assert (target.angle_x, target.angle_y) == pytest.approx((math.pi / 4, 0.0), abs=1e-9)
+
+
+def test_the_form_with_angles_says_so_and_carries_no_position() -> None:
+    full, angles = (form(pad_at(6.0, 20.0, -1.0), vehicle(), 0) for form in (ardupilot_form, ardupilot_angles_form))
+    assert (angles.position_valid, angles.x, angles.y, angles.z) == (0, 0.0, 0.0, 0.0)
+    assert (angles.angle_x, angles.angle_y, angles.distance) == (full.angle_x, full.angle_y, full.distance)
 
 
 def test_a_pad_ahead_is_at_the_top_of_the_image() -> None:
