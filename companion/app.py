@@ -26,6 +26,7 @@ from companion.io.link import Link
 from companion.io.links import open_link
 from companion.io.mcap_log import FrameSink, LogOrigin, McapWriter
 from companion.io.run_folder import RunFolder, versions
+from companion.io.service_manager import service_manager
 from companion.io.side_thread import Ask
 from companion.io.signing_key import signing_of
 from companion.io.tlog import TlogWriter
@@ -408,6 +409,8 @@ def drive(
     started = time.monotonic()
     sink = FolderSink(folder, config, {"title": title})
     sinks: list[LiveSink] = [sink, *services_of(config, title=title, console=console)]
+    if (manager := service_manager()) is not None:
+        sinks.append(manager)
     with contextlib.ExitStack() as stack:
         if show:
             live = stack.enter_context(Live(console=console, auto_refresh=False))
@@ -415,7 +418,8 @@ def drive(
 
         async def main() -> LiveApp:
             app = LiveApp(config, sinks=sinks, autostart=autostart)
-            asyncio.get_running_loop().add_signal_handler(signal.SIGINT, app.stop)
+            for number in (signal.SIGINT, signal.SIGTERM):
+                asyncio.get_running_loop().add_signal_handler(number, app.stop)
             watcher = asyncio.create_task(until(app)) if until is not None else None
             await app.run()
             if watcher is not None:
