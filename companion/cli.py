@@ -324,6 +324,29 @@ def doctor(
     raise typer.Exit(command.exit_status(findings))
 
 
+@app.command()
+def init(
+    file: Annotated[Path, typer.Argument(help="The file to write.")] = Path("companion.toml"),
+    answers: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--answer", help="An answer ahead: --answer link=serial:///dev/ttyAMA0:921600", metavar="NAME=TEXT"
+        ),
+    ] = None,
+    defaults: Annotated[bool, typer.Option("--defaults", help="Ask nothing; defaults for what is not given.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Replace a file that exists.")] = False,
+) -> None:
+    """Write a commented configuration: a few questions, each with a default."""
+    from companion import first_config
+
+    try:
+        given = _pairs(answers)
+        first_config.write(file, given, ask=not defaults and sys.stdin.isatty(), overwrite=force)
+    except ValueError as error:
+        _fail(str(error))
+    print(f"{file}: written; next: companion check-config -c {file}, companion doctor -c {file}")
+
+
 @app.command("check-config")
 def check_config(config: ConfigFiles = None, settings: Settings = None) -> None:
     """Check configuration files and print the whole configuration as JSON."""
