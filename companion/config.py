@@ -143,6 +143,7 @@ class Planning(_Section, frozen=True):
     planner: str = "bspline"
     follower: str = "pad"
     deviation_threshold_m: Positive = 1.0
+    min_duration_s: Positive = 0.4
     start_heading_deg: float | None = None
     end_heading_deg: float | None = None
     degree: Annotated[int, Meta(ge=3, le=7)] = 3

@@ -80,6 +80,7 @@ class ReferenceFollower:
         self._planner = planner
         self._limits = limits_from_config(config)
         self._period_ns = round(1e9 / config.replan_hz)
+        self._shortest_s = config.min_duration_s
         self._plan: Plan | None = None
         self._made_for: FollowRequest | None = None
         self._ramp_down_m: float | None = None
@@ -170,6 +171,7 @@ class ReferenceFollower:
             goal_velocity_m_s=request.goal_velocity_m_s,
             pad_velocity_m_s=request.pad_velocity_m_s,
             pad_acceleration_m_s2=request.pad_acceleration_m_s2,
+            min_duration_s=self._shortest_s,
         )
         result = self._planner.plan(admitting_start(wanted))
         self._made_for = request

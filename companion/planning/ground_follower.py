@@ -26,6 +26,7 @@ class GroundFollower:
         self._limits = limits_from_config(config)
         self._period_ns = round(1e9 / config.replan_hz)
         self._threshold_m = config.deviation_threshold_m
+        self._shortest_s = config.min_duration_s
         self._with_the_pad = ReferenceFollower(planner, config)
         self._plan: Plan | None = None
         self._pad_then_m: Vec3 = ZERO
@@ -80,6 +81,7 @@ class GroundFollower:
             velocity_m_s=add(request.velocity_m_s, request.pad_velocity_m_s),
             limits=limits,
             goal_position_m=request.goal_position_m,
+            min_duration_s=self._shortest_s,
         )
         result = self._planner.plan(admitting_start(wanted))
         self._asked = request
