@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -12,6 +11,7 @@ from companion.messages import Phase, Vec3
 from companion.mission.contact import window_is_closed
 from companion.mission.facts import Facts
 from companion.mission.guards import sight_age_s
+from companion.mission.waiting_place import waiting_place_m
 
 Frame = Literal["pad", "start"]
 Style = Literal["plan", "level", "ramp", "press", "pattern", "stay"]
@@ -36,10 +36,6 @@ WAIT_MARGIN_M = 0.4
 """Above the commit height: from here the touchdown window counts."""
 
 
-BEHIND_STEP_RAD = math.radians(10.0)
-"""The place behind the pad follows its heading in steps: a goal that moves with every estimate is never reached."""
-
-
 def goal_of(phase: Phase, facts: Facts, mission: Mission) -> Goal | None:
     """None where no setpoint is to be sent."""
     match phase:
@@ -48,9 +44,9 @@ def goal_of(phase: Phase, facts: Facts, mission: Mission) -> Goal | None:
         case Phase.SEARCH:
             return Goal("start", "pattern")
         case Phase.APPROACH:
-            return _waiting_place(mission.approach_height_m, facts, mission)
+            return Goal("pad", "plan", waiting_place_m(mission.approach_height_m, facts, mission))
         case Phase.FOLLOW | Phase.GO_AROUND | Phase.ABORT:
-            return _waiting_place(mission.follow_height_m, facts, mission)
+            return Goal("pad", "plan", waiting_place_m(mission.follow_height_m, facts, mission))
         case Phase.DESCEND:
             return _descent(facts, mission)
         case Phase.COMMIT:
@@ -63,15 +59,6 @@ def goal_of(phase: Phase, facts: Facts, mission: Mission) -> Goal | None:
 
 def _above(height_m: float) -> Goal:
     return Goal("pad", "plan", (0.0, 0.0, -height_m))
-
-
-def _waiting_place(height_m: float, facts: Facts, mission: Mission) -> Goal:
-    """Above the pad, or above a point behind it."""
-    behind_m = mission.follow_behind_m
-    if behind_m == 0.0 or facts.pad is None:
-        return _above(height_m)
-    yaw_rad = BEHIND_STEP_RAD * round(facts.pad.yaw_rad / BEHIND_STEP_RAD)
-    return Goal("pad", "plan", (-behind_m * math.cos(yaw_rad), -behind_m * math.sin(yaw_rad), -height_m))
 
 
 def _descent(facts: Facts, mission: Mission) -> Goal:

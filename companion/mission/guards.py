@@ -12,6 +12,7 @@ from companion.mission.contact import window_is_closed
 from companion.mission.facts import Facts
 from companion.mission.phases import OFFBOARD_PHASES, Event
 from companion.mission.preflight import blocking, is_flying
+from companion.mission.waiting_place import waiting_place_m
 
 
 @dataclass(frozen=True, slots=True)
@@ -228,12 +229,19 @@ def above_pad(facts: Facts, context: Context) -> str | None:
     return f"within {context.mission.follow_radius_m:.1f} m for {context.above_pad_for_s:.1f} s"
 
 
+BEHIND_LEVEL_M = 0.2
+"""Behind a pad with an upright marker the vehicle waits until it is as high as the way to the pad asks for."""
+
+
 def is_above_pad(facts: Facts, mission: Mission) -> bool:
-    """Close to the pad's vertical and moving with it, seen right now."""
-    miss, speed = facts.miss_m, facts.relative_speed_m_s
-    if miss is None or speed is None or sight_age_s(facts, mission) > 0.3:
+    """At the place to wait for the descent (the pad's vertical, or behind the pad) and moving with it, seen right now."""
+    away, speed = facts.relative_position_m, facts.relative_speed_m_s
+    if away is None or speed is None or sight_age_s(facts, mission) > 0.3:
         return False
-    return miss <= mission.follow_radius_m and speed <= mission.follow_speed_m_s
+    north, east, down = waiting_place_m(mission.follow_height_m, facts, mission)
+    level = mission.follow_behind_m == 0.0 or abs(away[2] - down) <= BEHIND_LEVEL_M
+    near = math.hypot(away[0] - north, away[1] - east) <= mission.follow_radius_m
+    return near and level and speed <= mission.follow_speed_m_s
 
 
 def climbed(facts: Facts, context: Context) -> str | None:
