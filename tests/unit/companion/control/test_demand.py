@@ -56,7 +56,7 @@ def test_demand_is_the_drag_and_not_what_speeds_the_vehicle_up() -> None:
 
 
 def test_without_it_drag_holds_the_vehicle_back_and_with_it_nothing_does() -> None:
-    behind_m, _ = chase(Plant(drag_hz=0.3, velocity_m_s=8.0), pad_speed_m_s=8.0, seconds=10.0)
+    behind_m, _ = chase(Plant(drag_hz=0.3, velocity_m_s=8.0), pad_speed_m_s=8.0, seconds=10.0, demand_time_s=0.0)
     level_m, law = chase(Plant(drag_hz=0.3, velocity_m_s=8.0), pad_speed_m_s=8.0, seconds=10.0, demand_time_s=0.6)
     assert behind_m == pytest.approx(-0.3 * 8.0 / (1.8 * 1.8), rel=0.02)
     assert level_m == pytest.approx(0.0, abs=0.01)
@@ -65,7 +65,7 @@ def test_without_it_drag_holds_the_vehicle_back_and_with_it_nothing_does() -> No
 
 
 def test_wind_over_a_pad_that_stands_is_a_demand_too() -> None:
-    drifted_m, _ = chase(Plant(drag_hz=0.3, wind_m_s=-10.0), pad_speed_m_s=0.0, seconds=10.0)
+    drifted_m, _ = chase(Plant(drag_hz=0.3, wind_m_s=-10.0), pad_speed_m_s=0.0, seconds=10.0, demand_time_s=0.0)
     held_m, _ = chase(Plant(drag_hz=0.3, wind_m_s=-10.0), pad_speed_m_s=0.0, seconds=10.0, demand_time_s=0.6)
     assert drifted_m < -0.8
     assert abs(held_m) < 0.02

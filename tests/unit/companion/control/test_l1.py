@@ -15,8 +15,8 @@ STILL = Reference(ZERO, ZERO, ZERO)
 
 
 def hover(name: str, plant: Plant, seconds: float = 15.0, **settings: float) -> list[float]:
-    """Hold position 0 with the law of that name; the positions flown, m."""
-    law = CONTROLLERS[name](Control(integral_gain_hz2=0.0, **settings))  # type: ignore[arg-type]
+    """Hold position 0 with the law of that name, nothing else against wind; the positions flown, m."""
+    law = CONTROLLERS[name](Control(integral_gain_hz2=0.0, demand_time_s=0.0, **settings))  # type: ignore[arg-type]
     flown = []
     for _ in range(round(seconds / DT_S)):
         out = law.update(
