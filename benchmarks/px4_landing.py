@@ -3,13 +3,16 @@
 The command is in the file's name: `offland_0.5_rng` (OFFBOARD, sinking 0.5 m/s through touchdown, with range sensor), `autoland_norng`,
 `takeoff_offboard_vel_-1`, `takeoff_offboard_pos_-5`, `takeoff_auto`, `takeoff_arm_first`, `gps_loss_offboard`, `land_auto_flight`. At t = 0 it is given: the
 descent, AUTO.LAND, arming, or the loss of GNSS. No noise, no estimate error. PX4 steers by its estimate, so the flight starts at the
-estimated z, and the ground lies at the z that PX4 believed at touchdown. NED, seconds since the command. Read by px4_fidelity.py.
+estimated z, and the ground lies at the z that PX4 believed at touchdown. In AUTO.LAND the recorded horizontal estimate is an input: PX4's
+trajectory, the height's too, runs the slower the further the vehicle is behind it horizontally, and its estimate wanders by
+decimetres; `--own-horizontal` of px4_fidelity.py leaves it out. NED, seconds since the command. Read by px4_fidelity.py.
 """
 
 from __future__ import annotations
 
 import csv
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import nan
 from pathlib import Path
@@ -20,13 +23,15 @@ from px4_recording import Array
 from sitl_stub.airframe import Airframe
 from sitl_stub.autopilot.autopilot import Autopilot, AutopilotOptions
 from sitl_stub.autopilot.commands import Command
-from sitl_stub.autopilot.estimate import NO_ERRORS
+from sitl_stub.autopilot.estimate import NO_ERRORS, Estimator
 from sitl_stub.autopilot.modes import NavState
 from sitl_stub.autopilot.offboard import LocalTarget
-from sitl_stub.multirotor import Multirotor
+from sitl_stub.autopilot.vehicle_estimate import VehicleEstimate
+from sitl_stub.multirotor import Multirotor, VehicleTruth
 
 GROUND_ALTITUDE_M = 489.4
 _STEP_US, _STREAM_US, _BEFORE_US = 4_000, 50_000, 2_000_000
+_RANGE_LEAST_M, _RANGE_MAX_M = 0.05, 100.0
 _LOCAL_NED = 1
 _ONLY_VELOCITY, _ONLY_POSITION = 0b0101_1100_0111, 0b1001_1111_1000
 _ARM, _TAKEOFF = 400, 22
@@ -47,6 +52,10 @@ class Flight:
     height_m: Array
     landed: Array
     armed: Array
+    range_m: Array
+    """Of the range sensor; 0 where it reports that on the ground, NaN where it sees nothing."""
+    horizontal: Array
+    """Estimated x, y, vx, vy, shape (rows, 4)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,8 +94,10 @@ def read_flight(path: Path) -> Flight:
         rows = list(csv.DictReader(file))
 
     def column(name: str) -> Array:
-        return np.array([float(row[name]) if row[name] else np.nan for row in rows])
+        return np.array([float(row[name]) if row.get(name) else np.nan for row in rows])
 
+    range_m = column("range_m")
+    range_m[range_m > _RANGE_MAX_M] = nan
     landed = np.array([nan if not row["landed_state"] else float(row["landed_state"] == "ON_GROUND") for row in rows])
     return Flight(
         column("t_s"),
@@ -96,13 +107,39 @@ def read_flight(path: Path) -> Flight:
         column("true_alt_m") - GROUND_ALTITUDE_M,
         landed,
         column("armed"),
+        range_m,
+        np.stack([column(name) for name in ("x", "y", "vx", "vy")], axis=1),
     )
+
+
+class RecordedHorizontal(Estimator):
+    """An estimator without error whose horizontal position and velocity are the recording's."""
+
+    def __init__(self, parameters: Mapping[str, float | int], flight: Flight) -> None:
+        super().__init__(parameters, np.random.default_rng(0), NO_ERRORS)
+        self._flight = flight
+
+    def step(self, t_us: int, truth: VehicleTruth, range_m: float | None, dt_s: float) -> VehicleEstimate:
+        estimate = super().step(t_us, truth, range_m, dt_s)
+        t_s = (t_us - _BEFORE_US) * 1e-6
+        x, y, vx, vy = (float(np.interp(t_s, self._flight.t_s, values)) for values in self._flight.horizontal.T)
+        estimate.position_ned_m = (x, y, estimate.position_ned_m[2])
+        estimate.velocity_ned_m_s = (vx, vy, estimate.velocity_ned_m_s[2])
+        return estimate
 
 
 class FlightReplay:
     """The simulator under the same command."""
 
-    def __init__(self, order: Order, airframe: Airframe, start_z_m: float, ground_z_m: float) -> None:
+    def __init__(
+        self,
+        order: Order,
+        airframe: Airframe,
+        start_z_m: float,
+        ground_z_m: float,
+        recorded: Flight | None = None,
+    ) -> None:
+        """`recorded`: take its horizontal estimate as the vehicle's own."""
         options = AutopilotOptions(
             errors=NO_ERRORS,
             home_error_scale=0.0,
@@ -113,6 +150,8 @@ class FlightReplay:
         )
         self._order = order
         self._autopilot = Autopilot(airframe, None, np.random.default_rng(0), options)
+        if recorded is not None:
+            self._autopilot.estimator = RecordedHorizontal(self._autopilot.parameters.as_mapping(), recorded)
         signal = 0.0 if order.starts_on_ground else airframe.hover_signal
         self._ground_z_m = ground_z_m
         self._body = Multirotor(airframe, (0.0, 0.0, start_z_m), motors=(signal, signal, signal, signal))
@@ -143,7 +182,8 @@ class FlightReplay:
                 )
             )
         t_s, z, vz, landed, armed = np.array(rows).T
-        return Flight(t_s, z, vz, vz, self._ground_z_m - z, landed, armed)
+        height, horizontal = self._ground_z_m - z, np.zeros((len(t_s), 4))
+        return Flight(t_s, z, vz, vz, height, landed, armed, height, horizontal)
 
     def _stop_at_the_ground(self) -> None:
         """SIH's ground: it holds the vehicle while the net force points down, without bounce or sliding."""
@@ -184,11 +224,18 @@ class FlightReplay:
 
 
 def start_and_ground_z_m(order: Order, flight: Flight) -> tuple[float, float]:
-    """Estimated z when the command was given, and where PX4 believed the ground when it touched (zero where it never did)."""
+    """Estimated z when the command was given, and where PX4 believed the ground.
+
+    That is its z at touchdown; where no truth tells when, its z plus what the range sensor read (the median); else zero.
+    """
     if order.starts_on_ground:
         return 0.0, 0.0
-    down_s = touchdown_s(flight)
-    ground_z_m = 0.0 if down_s is None else float(np.interp(down_s, flight.t_s, flight.z_m))
+    down_s, seen = touchdown_s(flight), np.flatnonzero(flight.range_m > _RANGE_LEAST_M)
+    ground_z_m = 0.0
+    if down_s is not None:
+        ground_z_m = float(np.interp(down_s, flight.t_s, flight.z_m))
+    elif len(seen):
+        ground_z_m = float(np.median(flight.z_m[seen] + flight.range_m[seen]))
     return float(np.interp(0.0, flight.t_s, flight.z_m)), ground_z_m
 
 

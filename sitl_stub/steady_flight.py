@@ -14,7 +14,7 @@ from sitl_stub.autopilot.attitude_control import AttitudeGains
 from sitl_stub.autopilot.autopilot import Autopilot
 from sitl_stub.autopilot.estimate import MOST_NUMBERS_A_STEP, ErrorModel, step_estimate
 from sitl_stub.autopilot.estimate import SIZE as ESTIMATE_SIZE
-from sitl_stub.autopilot.hover_thrust import HoverSettings
+from sitl_stub.autopilot.hover_thrust import HoverSettings, HoverState
 from sitl_stub.autopilot.land_detector import CLOSE_TO_GROUND_M
 from sitl_stub.autopilot.low_pass import Butterworth
 from sitl_stub.autopilot.position_control import UNSET_MOTION, Motion, PositionGains
@@ -111,10 +111,11 @@ def _for_kernel(value: Any) -> Any:
 @used_by_kernels
 def _seems_landed(k: Any, e: Any, limits: GroundContactLimits, asked: Asked) -> bool:
     """The land detector's first condition; it decides, this only calls it."""
-    if not asked.is_near_ground or not (asked.descends or k[10] <= limits.low_thrust):
+    if not (asked.is_near_ground and asked.descends and k[10] <= limits.low_thrust):
         return False
     vx, vy, most = e[53], e[54], limits.horizontal_m_s
-    return bool(abs(e[55]) <= limits.vertical_m_s and vx * vx + vy * vy <= most * most * 1.000001)
+    slow = abs(e[55]) <= limits.vertical_m_s or abs(e[59]) <= limits.vertical_m_s
+    return bool(slow and vx * vx + vy * vy <= most * most * 1.000001)
 
 
 @used_by_kernels
@@ -351,6 +352,7 @@ class SteadyFlight:
         self._is_shown = self._is_estimated = True
         autopilot.estimator.estimate.height_above_bottom_m = range_m
         autopilot.cascade.thrust_setpoint = float(self._k[10])
+        autopilot.cascade.hover_thrust_estimator.state = HoverState(*(float(value) for value in self._k[35:42]))
         dt_s = float(self._k[52]) * 1e-6
         self._k[52] = 0.0
         if t_us < self._calm_until_us and not self._task_waits:

@@ -1,8 +1,9 @@
 """PX4's automatic flight task: navigation target in, trajectory setpoint (position, velocity, acceleration) out.
 
 Landing sinks with MPC_Z_V_AUTO_DN above MPC_LAND_ALT1, slows linearly to MPC_LAND_SPEED at MPC_LAND_ALT2, and creeps with MPC_LAND_CRWL
-below MPC_LAND_ALT3 when a range sensor measures the ground. A take-off climbs with a speed that grows by MPC_TKO_SPEED in
-MPC_TKO_RAMP_T, from half a ramp after the ramp's begin, without a position setpoint in z. Heading turns at most MPC_YAWRAUTO_MAX.
+below MPC_LAND_ALT3 when a range sensor measures the ground. While the vehicle waits on the ground, the point sinks with 0.7 m/s from
+where the vehicle is; a take-off below MPC_LAND_ALT1 turns that into a climb with MPC_TKO_SPEED / MPC_TKO_RAMP_T, its height kept at
+the vehicle's. Heading turns at most MPC_YAWRAUTO_MAX.
 """
 
 from __future__ import annotations
@@ -12,7 +13,10 @@ from math import nan, pi, radians, remainder
 from sitl_stub.autopilot.navigation import NavigationTarget, Situation, TargetKind
 from sitl_stub.autopilot.parameters import Parameters
 from sitl_stub.autopilot.setpoint import TrajectorySetpoint
-from sitl_stub.autopilot.trajectory import SmoothedPoint, SmoothingLimits, braking_speed_m_s
+from sitl_stub.autopilot.trajectory import SmoothedPoint, SmoothingLimits, VerticalLimits
+
+_WAITING_DESCENT_M_S = 0.7
+"""Vertical speed of the point while the vehicle waits on the ground."""
 
 
 def _interpolated(value: float, low: float, high: float, at_low: float, at_high: float) -> float:
@@ -30,7 +34,6 @@ class AutoFlight:
         self._parameters = parameters
         self._point = SmoothedPoint()
         self._yaw_rad = 0.0
-        self._climb_s = 0.0
         self.refresh()
 
     def refresh(self) -> None:
@@ -38,20 +41,25 @@ class AutoFlight:
         get = self._parameters.get
         self._limits = SmoothingLimits(
             cruise_m_s=get("MPC_XY_CRUISE"),
-            climb_m_s=get("MPC_Z_V_AUTO_UP"),
-            descent_m_s=get("MPC_Z_V_AUTO_DN"),
             acceleration_xy_m_s2=get("MPC_ACC_HOR"),
-            acceleration_up_m_s2=get("MPC_ACC_UP_MAX"),
-            acceleration_down_m_s2=get("MPC_ACC_DOWN_MAX"),
             jerk_m_s3=get("MPC_JERK_AUTO"),
             gain_xy=get("MPC_XY_TRAJ_P"),
             error_max_m=get("MPC_XY_ERR_MAX"),
         )
+        self._up = VerticalLimits(get("MPC_Z_V_AUTO_UP"), get("MPC_ACC_UP_MAX"))
+        self._down = VerticalLimits(get("MPC_Z_V_AUTO_DN"), get("MPC_ACC_DOWN_MAX"))
+        ramp_m_s2 = get("MPC_TKO_SPEED") / max(get("MPC_TKO_RAMP_T"), 0.1)
+        self._takeoff = VerticalLimits(get("MPC_TKO_SPEED"), min(self._up.acceleration_m_s2, ramp_m_s2))
         self._yaw_rate_rad_s = radians(get("MPC_YAWRAUTO_MAX"))
 
     def start(self, situation: Situation) -> None:
         """Begin at the vehicle, with its velocity."""
         self._point.start(situation.position_ned_m, situation.velocity_ned_m_s)
+        self._yaw_rad = situation.yaw_rad
+
+    def wait(self, situation: Situation) -> None:
+        """On the ground, before the take-off ramp: begin again, sinking."""
+        self._point.start(situation.position_ned_m, (0.0, 0.0, _WAITING_DESCENT_M_S))
         self._yaw_rad = situation.yaw_rad
 
     def shift(self, delta_ned_m: tuple[float, float, float]) -> None:
@@ -60,15 +68,27 @@ class AutoFlight:
 
     def update(self, situation: Situation, target: NavigationTarget) -> TrajectorySetpoint:
         """Setpoint of this step."""
-        target_xy, vehicle = (target.x_m, target.y_m), situation.position_ned_m
-        if target.kind is TargetKind.TAKEOFF:
-            self._point.advance(target_xy, None, None, vehicle, self._limits, situation.dt_s)
-            self._climb(situation, target.z_m)
-        else:
-            descent = self._land_speed_m_s(situation) if target.kind is TargetKind.LAND else None
-            self._point.advance(target_xy, target.z_m, descent, vehicle, self._limits, situation.dt_s)
+        descent = self._land_speed_m_s(situation) if target.kind is TargetKind.LAND else None
+        self._point.advance(
+            (target.x_m, target.y_m),
+            target.z_m,
+            descent,
+            situation.position_ned_m,
+            self._limits,
+            self._vertical_limits(situation, target),
+            situation.dt_s,
+        )
         self._turn(target.yaw_rad, situation.dt_s)
         return self._setpoint()
+
+    def _vertical_limits(self, situation: Situation, target: NavigationTarget) -> VerticalLimits:
+        """By the way the point last wanted to go; a low take-off also keeps the point at the vehicle's height."""
+        if self._point.wanted_vz_m_s >= 0.0:
+            return self._down
+        if target.kind is TargetKind.TAKEOFF and self._height_m(situation) < self._parameters.get("MPC_LAND_ALT1"):
+            self._point.z.position_m = situation.position_ned_m[2]
+            return self._takeoff
+        return self._up
 
     def _setpoint(self) -> TrajectorySetpoint:
         x, y, z = self._point.x, self._point.y, self._point.z
@@ -79,25 +99,6 @@ class AutoFlight:
             self._yaw_rad,
             nan,
         )
-
-    def start_climb(self) -> None:
-        """The take-off ramp has not begun yet."""
-        self._climb_s = 0.0
-
-    def continue_climb(self) -> None:
-        """A take-off commanded in the air: no ramp any more."""
-        self._climb_s = 2.0 * self._parameters.get("MPC_TKO_RAMP_T")
-
-    def _climb(self, situation: Situation, target_z_m: float) -> None:
-        get = self._parameters.get
-        self._climb_s += situation.dt_s
-        speed = get("MPC_TKO_SPEED")
-        wanted = speed * (self._climb_s / max(get("MPC_TKO_RAMP_T"), 0.1) - 0.5)
-        z = self._point.z
-        z.position_m = situation.position_ned_m[2]
-        near = braking_speed_m_s(z.position_m - target_z_m, self._limits.acceleration_down_m_s2, self._limits.jerk_m_s3)
-        z.velocity_m_s = -max(0.0, min(wanted, speed, near))
-        z.acceleration_m_s2 = 0.0
 
     def _height_m(self, situation: Situation) -> float:
         if situation.height_above_ground_m is not None:

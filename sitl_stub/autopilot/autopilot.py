@@ -47,6 +47,7 @@ from sitl_stub.telemetry import IN_AIR, LANDING, ON_GROUND, TAKEOFF, Telemetry
 
 DECISION_PERIOD_US = 8_000
 """Mode, flight task and land detector run when PX4's estimator publishes a position, every second step."""
+_AUTOMATIC_MARGIN = 1.2
 _STOPPED: Motors = (0.0, 0.0, 0.0, 0.0)
 _FLIGHT = TakeoffState.FLIGHT
 _NEVER_US = 1 << 62
@@ -56,6 +57,7 @@ _GROUND_STATION_NOTICE_US = 1_000_000
 _IGNORE_RATES = 0x07
 _IGNORE_ATTITUDE = 0x80
 
+_THRUST_MODES = frozenset({NavState.MANUAL, NavState.ACRO, NavState.STABILIZED})
 _PILOT_MODES = frozenset({NavState.MANUAL, NavState.ALTCTL, NavState.POSCTL, NavState.ACRO, NavState.STABILIZED})
 _SWITCH_MODES = {
     "hold": NavState.AUTO_LOITER,
@@ -157,6 +159,7 @@ class Autopilot:
             ground_link=options.ground_link,
             cold_boot=options.cold_boot,
         )
+        self._refresh_limits()
         self.parameters.on_change(self._refresh)
 
     # World's side -------------------------------------------------------------------------------------------------
@@ -269,6 +272,7 @@ class Autopilot:
             self.manual_control.kill,
             self._parameter_changes,
             self.estimator.gnss_available,
+            self._is_automatic,
         )
 
     def asked(self) -> Asked:
@@ -367,8 +371,15 @@ class Autopilot:
     def _tell(self, notice: events.Notice) -> None:
         self.endpoint.tell(notice)
 
+    def _refresh_limits(self) -> None:
+        """Automatic modes leave the controller a fifth more than their own greatest vertical speeds."""
+        get = self.parameters.get
+        self._climb_limits_m_s = get("MPC_Z_VEL_MAX_UP"), _AUTOMATIC_MARGIN * get("MPC_Z_V_AUTO_UP")
+        self._descent_limits_m_s = get("MPC_Z_VEL_MAX_DN"), _AUTOMATIC_MARGIN * get("MPC_Z_V_AUTO_DN")
+
     def _refresh(self, name: str) -> None:
         self._parameter_changes += 1
+        self._refresh_limits()
         self.cascade.refresh()
         self.estimator.refresh()
         self._auto_flight.refresh()
@@ -510,8 +521,7 @@ class Autopilot:
         assert self._route is not None
         if self.takeoff.state < TakeoffState.RAMP_UP:
             # On the ground the task begins again each step, so that the climb starts with the ramp.
-            self._auto_flight.start(situation)
-            self._auto_flight.start_climb()
+            self._auto_flight.wait(situation)
         self._target = self._route.update(situation)
         if self._route.done and mode is NavState.AUTO_TAKEOFF:
             self.commander.finish_takeoff()
@@ -528,8 +538,6 @@ class Autopilot:
         was_automatic = self._target is not None
         if not was_automatic:
             self._auto_flight.start(situation)
-        if mode is NavState.AUTO_TAKEOFF and self.takeoff.state is TakeoffState.FLIGHT:
-            self._auto_flight.continue_climb()
         self._route = _ROUTES[mode](self)
         self._route.enter(situation, self._target)
         self._flown = (mode, self.commander.mode_changes)
@@ -550,6 +558,8 @@ class Autopilot:
     def _constrain(self, t_us: int, dt_s: float) -> None:
         """Tell the cascade what take-off ramp and land detector allow."""
         c, armed, landed = self._constraints, self.commander.armed, self.land_detector.landed
+        is_automatic = self._is_automatic
+        self.cascade.limit_descent(self._descent_limits_m_s[is_automatic])
         state = self.takeoff.update(t_us, armed, landed, armed and self._task_wants_takeoff, skip=self._skips_ramp)
         c.armed = armed
         c.landed = landed
@@ -558,15 +568,18 @@ class Autopilot:
         c.thrust_off = state < TakeoffState.RAMP_UP or (c.is_flying and self.land_detector.ground_contact)
         c.climb_limit_m_s = c.descent_limit_m_s = nan
         if state is TakeoffState.RAMP_UP:
-            c.climb_limit_m_s = self.takeoff.climb_limit_m_s(dt_s, self.parameters.get("MPC_Z_VEL_MAX_UP"))
+            c.climb_limit_m_s = self.takeoff.climb_limit_m_s(dt_s, self._climb_limits_m_s[is_automatic])
             # A negative climb limit of the ramp goes before the limit of descent.
-            c.descent_limit_m_s = max(-c.climb_limit_m_s, self.parameters.get("MPC_Z_VEL_MAX_DN"))
+            c.descent_limit_m_s = max(-c.climb_limit_m_s, self._descent_limits_m_s[is_automatic])
+
+    @property
+    def _is_automatic(self) -> bool:
+        return self.commander.nav_state in _ROUTES
 
     @property
     def _skips_ramp(self) -> bool:
         """Modes that command thrust directly have no ramp."""
-        mode = self.commander.nav_state
-        return mode in (NavState.MANUAL, NavState.STABILIZED, NavState.ACRO) and not self.land_detector.landed
+        return self.commander.nav_state in _THRUST_MODES and not self.land_detector.landed
 
     def _detect_landing(self, t_us: int) -> None:
         if self.commander.terminated and self.commander.armed:
@@ -580,8 +593,17 @@ class Autopilot:
             self.cascade.thrust_setpoint,
             estimate.height_above_bottom_m,
             estimate.has_velocity,
+            estimate.height_rate_ned_m_s,
+            self.cascade.known_hover_thrust,
+            self._controls_climb,
         )
         self.land_detector.update(t_us, self.commander.armed, seen)
+
+    @property
+    def _controls_climb(self) -> bool:
+        if self.commander.nav_state is NavState.OFFBOARD:
+            return self._offboard_attitude is None
+        return self.commander.nav_state not in _THRUST_MODES
 
     # Telemetry ----------------------------------------------------------------------------------------------------
 

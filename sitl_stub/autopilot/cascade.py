@@ -101,6 +101,10 @@ class Cascade:
         cutoff_hz = float(p["MPC_VELD_LP"])
         self._derivative_time_s = 1.0 / (2.0 * pi * cutoff_hz) if cutoff_hz > 0.0 else 0.0
 
+    def limit_descent(self, speed_m_s: float) -> None:
+        """What the mode allows downwards, instead of MPC_Z_VEL_MAX_DN; until the parameters are read again."""
+        self._descent = speed_m_s
+
     def reset(self) -> None:
         """State of a cascade that has just been started on the ground."""
         self.position_setpoint = PositionSetpointEcho()
@@ -337,6 +341,12 @@ class Cascade:
         )
         if self.hover_thrust_estimator.is_valid and constraints.is_flying:
             self._use_hover_thrust(self.hover_thrust_estimator.value, absorb=True)
+
+    @property
+    def known_hover_thrust(self) -> float | None:
+        """The hover thrust estimate while it is valid and runs."""
+        estimator = self.hover_thrust_estimator
+        return estimator.value if self._uses_estimator and self._is_in_air and estimator.is_valid else None
 
     # Steady flight ------------------------------------------------------------------------------------------------
 

@@ -60,8 +60,7 @@ class Situation:
         x, y, z = self.position_ned_m
         vx, vy, _ = self.velocity_ned_m_s
         speed = hypot(vx, vy)
-        get = self.parameters.get
-        way = braking_distance_m(speed, get("MPC_ACC_HOR"), get("MPC_JERK_AUTO"))
+        way = braking_distance_m(speed, self.parameters.get("MPC_ACC_HOR"))
         ux, uy = (vx / speed, vy / speed) if speed > 1e-3 else (0.0, 0.0)
         return NavigationTarget(TargetKind.POSITION, x + ux * way, y + uy * way, z)
 

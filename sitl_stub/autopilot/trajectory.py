@@ -9,6 +9,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import hypot, sqrt
+from typing import NamedTuple
+
+_BRAKING_DELAY_S = 0.6
 
 
 @dataclass(slots=True)
@@ -28,6 +31,28 @@ class SmoothedAxis:
         velocity = self.velocity_m_s + 0.5 * (self.acceleration_m_s2 + acceleration) * dt_s
         self.position_m += 0.5 * (self.velocity_m_s + velocity) * dt_s
         self.acceleration_m_s2, self.velocity_m_s = acceleration, velocity
+
+    def duration_s(self, velocity_target_m_s: float, acceleration_max_m_s2: float, jerk_m_s3: float) -> float:
+        """Least time to the target velocity."""
+        change, a = self._towards(velocity_target_m_s, jerk_m_s3)
+        peak = sqrt(max(jerk_m_s3 * change + 0.5 * a * a, 0.0))
+        if peak <= acceleration_max_m_s2:
+            return max(2.0 * peak - a, 0.0) / jerk_m_s3
+        level = change + 0.5 * a * a / jerk_m_s3 - acceleration_max_m_s2**2 / jerk_m_s3
+        return (2.0 * acceleration_max_m_s2 - a) / jerk_m_s3 + level / acceleration_max_m_s2
+
+    def gentle_acceleration_m_s2(self, velocity_target_m_s: float, duration_s: float, jerk_m_s3: float) -> float:
+        """Acceleration with which the target velocity is reached in just that (longer) time."""
+        change, a = self._towards(velocity_target_m_s, jerk_m_s3)
+        if a * (duration_s - 0.5 * a / jerk_m_s3) > change:
+            return max(change - 0.5 * a * a / jerk_m_s3, 0.0) / max(duration_s - a / jerk_m_s3, 1e-6)
+        b = jerk_m_s3 * duration_s + a
+        return 0.5 * (b - sqrt(max(b * b - 4.0 * (jerk_m_s3 * change + 0.5 * a * a), 0.0)))
+
+    def _towards(self, target_m_s: float, jerk_m_s3: float) -> tuple[float, float]:
+        """Change of velocity asked for and present acceleration, positive where the acceleration has to go."""
+        a, change = self.acceleration_m_s2, target_m_s - self.velocity_m_s
+        return (change, a) if change > 0.5 * a * abs(a) / jerk_m_s3 else (-change, -a)
 
     def _jerk(self, target_m_s: float, acceleration_max: float, jerk_max: float, dt_s: float) -> float:
         a = self.acceleration_m_s2
@@ -50,9 +75,9 @@ def braking_speed_m_s(distance_m: float, acceleration_m_s2: float, jerk_m_s3: fl
     return 0.5 * (-b + sqrt(b * b + 8.0 * acceleration_m_s2 * max(distance_m, 0.0)))
 
 
-def braking_distance_m(speed_m_s: float, acceleration_m_s2: float, jerk_m_s3: float) -> float:
+def braking_distance_m(speed_m_s: float, acceleration_m_s2: float) -> float:
     """Way to a stop from a speed, with the time that building up the deceleration takes."""
-    return speed_m_s * (speed_m_s / (2.0 * acceleration_m_s2) + acceleration_m_s2 / jerk_m_s3)
+    return speed_m_s * (speed_m_s / (2.0 * acceleration_m_s2) + _BRAKING_DELAY_S)
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,14 +85,17 @@ class SmoothingLimits:
     """Limits of the smoothed point, from PX4's parameters."""
 
     cruise_m_s: float
-    climb_m_s: float
-    descent_m_s: float
     acceleration_xy_m_s2: float
-    acceleration_up_m_s2: float
-    acceleration_down_m_s2: float
     jerk_m_s3: float
     gain_xy: float
     error_max_m: float
+
+
+class VerticalLimits(NamedTuple):
+    """Greatest vertical speed and acceleration, both ways; PX4 chooses them by the way it wants to go."""
+
+    speed_m_s: float
+    acceleration_m_s2: float
 
 
 class SmoothedPoint:
@@ -75,6 +103,8 @@ class SmoothedPoint:
 
     def __init__(self) -> None:
         self.x, self.y, self.z = SmoothedAxis(), SmoothedAxis(), SmoothedAxis()
+        self.wanted_vz_m_s = 0.0
+        """Vertical speed before smoothing; its sign chooses the vertical limits of the next step."""
 
     @property
     def _axes(self) -> tuple[SmoothedAxis, SmoothedAxis, SmoothedAxis]:
@@ -93,21 +123,33 @@ class SmoothedPoint:
     def advance(
         self,
         target_xy_m: tuple[float, float],
-        target_z_m: float | None,
+        target_z_m: float,
         descent_m_s: float | None,
         vehicle_m: tuple[float, float, float],
         limits: SmoothingLimits,
+        vertical: VerticalLimits,
         dt_s: float,
     ) -> None:
         """Move the point for dt; the vertical axis goes to `target_z_m`, or sinks with `descent_m_s` when that is given."""
+        wanted = self._vertical_speed_m_s(target_z_m, limits, vertical) if descent_m_s is None else descent_m_s
+        self.wanted_vz_m_s = wanted
         dt_s *= self._time_stretch(vehicle_m, limits)
         if dt_s <= 0.0:
             return
-        self._advance_xy(target_xy_m, limits, dt_s)
-        if descent_m_s is not None:
-            self._advance_z(descent_m_s, limits, dt_s)
-        elif target_z_m is not None:
-            self._advance_z(self._vertical_speed_m_s(target_z_m, limits), limits, dt_s)
+        vx, vy = self._horizontal_velocity_m_s(target_xy_m, limits)
+        vz = max(-vertical.speed_m_s, min(vertical.speed_m_s, wanted))
+        horizontal, jerk = limits.acceleration_xy_m_s2, limits.jerk_m_s3
+        plans = (
+            (self.x, vx, horizontal, self.x.duration_s(vx, horizontal, jerk)),
+            (self.y, vy, horizontal, self.y.duration_s(vy, horizontal, jerk)),
+            (self.z, vz, vertical.acceleration_m_s2, self.z.duration_s(vz, vertical.acceleration_m_s2, jerk)),
+        )
+        longest_s = max(plan[3] for plan in plans)
+        for axis, velocity, most, duration_s in plans:
+            # All axes arrive together: the quicker ones take their time.
+            if duration_s < longest_s:
+                most = min(most, axis.gentle_acceleration_m_s2(velocity, longest_s, jerk))
+            axis.advance(velocity, most, jerk, dt_s)
 
     def _time_stretch(self, vehicle_m: tuple[float, float, float], limits: SmoothingLimits) -> float:
         """Slower time for the point when the vehicle is behind it, horizontally."""
@@ -116,27 +158,22 @@ class SmoothedPoint:
             return 1.0
         return max(0.0, 1.0 - hypot(dx, dy) / limits.error_max_m)
 
-    def _advance_xy(self, target_xy_m: tuple[float, float], limits: SmoothingLimits, dt_s: float) -> None:
+    def _horizontal_velocity_m_s(
+        self, target_xy_m: tuple[float, float], limits: SmoothingLimits
+    ) -> tuple[float, float]:
         dx, dy = target_xy_m[0] - self.x.position_m, target_xy_m[1] - self.y.position_m
         distance = hypot(dx, dy)
-        acceleration, jerk = limits.acceleration_xy_m_s2, limits.jerk_m_s3
+        if distance <= 1e-6:
+            return 0.0, 0.0
         speed = min(
             limits.cruise_m_s,
             limits.gain_xy * distance,
-            braking_speed_m_s(distance, limits.gain_xy * acceleration, jerk),
+            braking_speed_m_s(distance, limits.gain_xy * limits.acceleration_xy_m_s2, limits.jerk_m_s3),
         )
-        ux, uy = (dx / distance, dy / distance) if distance > 1e-6 else (0.0, 0.0)
-        self.x.advance(speed * ux, acceleration, jerk, dt_s)
-        self.y.advance(speed * uy, acceleration, jerk, dt_s)
+        return speed * dx / distance, speed * dy / distance
 
-    def _vertical_speed_m_s(self, target_z_m: float, limits: SmoothingLimits) -> float:
+    def _vertical_speed_m_s(self, target_z_m: float, limits: SmoothingLimits, vertical: VerticalLimits) -> float:
         distance = target_z_m - self.z.position_m
-        down = distance > 0.0
-        acceleration = limits.acceleration_down_m_s2 if down else limits.acceleration_up_m_s2
-        speed = braking_speed_m_s(abs(distance), acceleration, limits.jerk_m_s3)
-        return min(speed, limits.descent_m_s) if down else -min(speed, limits.climb_m_s)
-
-    def _advance_z(self, velocity_m_s: float, limits: SmoothingLimits, dt_s: float) -> None:
-        down = velocity_m_s > self.z.velocity_m_s
-        acceleration = limits.acceleration_down_m_s2 if down else limits.acceleration_up_m_s2
-        self.z.advance(velocity_m_s, acceleration, limits.jerk_m_s3, dt_s)
+        speed = braking_speed_m_s(abs(distance), vertical.acceleration_m_s2, limits.jerk_m_s3)
+        speed = min(speed, vertical.speed_m_s)
+        return speed if distance > 0.0 else -speed

@@ -99,7 +99,7 @@ class Rig:
                 self.every[index] = (next_us + period_us, period_us, send)
         truth = self.vehicle.truth()
         range_m = None
-        if self.has_range_sensor and 0.0 <= self.height_m < 100.0:
+        if self.has_range_sensor and 0.0 < self.height_m < 100.0:  # SIH's sensor sees nothing at or below the ground
             range_m = self.height_m
         motors = self.autopilot.step(self.t_us, truth, range_m, DT_US * 1e-6)
         self._collect()

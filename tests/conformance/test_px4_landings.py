@@ -8,21 +8,25 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(ROOT / "benchmarks"))
+
+from px4_fidelity import airframe_for  # noqa: E402
+from px4_landing import FlightReplay, order_of, read_flight, start_and_ground_z_m  # noqa: E402
+
 FOLDER = ROOT / "tests" / "data" / "px4" / "land"
 
-_NO_TRUTH = "no truth was recorded, so the floor is unknown and counted as zero"
-_TOO_FAST = (
-    "PX4's own horizontal wandering, which comes from estimate error, slows its landing trajectory by up to a half"
+_LATE_LIFT_OFF = (
+    "PX4's estimate climbed with 0.15 to 0.2 m/s while it stood, so it pushed less and lifted off 0.3 to 0.6 s later; "
+    "in flight no truth was recorded, so that part of the floor is unknown and counted as zero"
 )
 OUT_OF_LIMITS = {
-    "takeoff_auto": _NO_TRUTH,
-    "takeoff_arm_first": _NO_TRUTH,
-    "land_auto_flight": _NO_TRUTH,
-    "autoland_rng": _TOO_FAST,
-    "autoland_norng": _TOO_FAST,
+    "takeoff_auto": _LATE_LIFT_OFF,
+    "takeoff_arm_first": _LATE_LIFT_OFF,
+    "land_auto_flight": "no truth was recorded in flight; the estimated speed was wrong by up to 0.1 m/s (from the log)",
 }
 NAMES = sorted(path.stem for path in FOLDER.glob("*.csv"))
 
@@ -48,10 +52,29 @@ def test_vertical_motion_stays_within_the_recordings_own_error(rows: dict[str, d
 @pytest.mark.parametrize("name", sorted(OUT_OF_LIMITS))
 def test_what_is_out_of_its_limits_is_known_and_no_worse(rows: dict[str, dict[str, Any]], name: str) -> None:
     """Known shortcomings, see OUT_OF_LIMITS. One that has come within its limits is to leave the table."""
-    assert rows[name]["allowed"] < rows[name]["nrmse"] < 0.27
+    assert rows[name]["allowed"] < rows[name]["nrmse"] < 0.18
 
 
-@pytest.mark.parametrize("name", ["offland_1.0_rng", "offland_1.0_norng"])
+@pytest.mark.parametrize("name", ["offland_1.0_rng", "offland_1.0_norng", "autoland_rng"])
 def test_ground_is_noticed_as_long_after_touchdown_as_recorded(rows: dict[str, dict[str, Any]], name: str) -> None:
     after = rows[name]["rise"]["on_ground_after_s"]
     assert after["stub"] == pytest.approx(after["recorded"], rel=0.1)
+
+
+@pytest.mark.parametrize("name", ["offland_0.3_norng", "offland_0.5_rng"])
+def test_a_slow_descent_is_noticed_late_because_the_thrust_falls_slowly(
+    rows: dict[str, dict[str, Any]], name: str
+) -> None:
+    after = rows[name]["rise"]["on_ground_after_s"]
+    assert after["stub"] == pytest.approx(after["recorded"], rel=0.25)
+
+
+def test_a_landing_with_range_sensor_nearly_stops_when_it_begins_to_creep() -> None:
+    """The point's speed falls to MPC_LAND_CRWL while the vehicle, held back horizontally, is ahead of its height."""
+    recorded = read_flight(FOLDER / "autoland_rng.csv")
+    order = order_of("autoland_rng")
+    replay = FlightReplay(order, airframe_for(FOLDER), *start_and_ground_z_m(order, recorded), recorded)
+    flown = replay.run(float(recorded.t_s[-1]))
+    slowest = [float(np.nanmin(f.vz_m_s[(f.height_m < 1.0) & (f.height_m > 0.4)])) for f in (recorded, flown)]
+    assert slowest[1] < 0.2
+    assert slowest[0] < 0.2

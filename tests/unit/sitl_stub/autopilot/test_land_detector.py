@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import pytest
 
 from sitl_stub.autopilot.land_detector import LandDetector, LandDetectorInput
@@ -19,26 +22,49 @@ def time_to_landing(seen: LandDetectorInput, timeout_s: float = 10.0) -> float |
     return None
 
 
-def test_landing_takes_a_second_and_three_with_a_range_sensor() -> None:
+def test_landing_takes_a_second() -> None:
     assert time_to_landing(STANDING) == pytest.approx(1.0, abs=0.03)
-    with_sensor = LandDetectorInput((0.0, 0.0, 0.0), (0.0, 0.0), 0.7, 0.12, 0.05)
-    assert time_to_landing(with_sensor) == pytest.approx(3.0, abs=0.03)
+    assert time_to_landing(replace(STANDING, height_above_ground_m=0.05)) == pytest.approx(1.0, abs=0.03)
+
+
+def test_landing_takes_three_seconds_when_a_range_sensor_sees_nothing_on_the_ground() -> None:
+    detector = LandDetector(Parameters())
+    detector.begin_in_air(0)
+    detector.update(0, True, replace(STANDING, thrust_command=0.5, height_above_ground_m=0.3))
+    times = [t_us for t_us in range(8_000, 5_000_000, 8_000) if detector.update(t_us, True, STANDING)]
+    assert times[0] * 1e-6 == pytest.approx(3.0, abs=0.03)
+
+
+def test_the_derivative_of_height_speaks_for_standing_when_the_velocity_is_biased() -> None:
+    biased = replace(STANDING, velocity_ned_m_s=(0.0, 0.0, 0.45))
+    assert time_to_landing(biased) is None
+    assert time_to_landing(replace(biased, height_rate_m_s=0.1)) == pytest.approx(1.0, abs=0.03)
+
+
+def test_a_known_hover_thrust_lets_a_higher_thrust_count_as_contact() -> None:
+    pushing = replace(STANDING, thrust_command=0.3)
+    for hover_thrust, contact in ((None, False), (0.5, True)):
+        detector = LandDetector(Parameters())
+        detector.begin_in_air(0)
+        for t_us in range(0, 1_000_000, 8_000):
+            detector.update(t_us, True, replace(pushing, hover_thrust=hover_thrust))
+        assert detector.ground_contact is contact
 
 
 @pytest.mark.parametrize(
-    ("seen", "why"),
+    ("change", "why"),
     [
-        (LandDetectorInput((1.6, 0.0, 0.0), (0.0, 0.0), 0.7, 0.12, None), "the deck moves faster than 1.5 m/s"),
-        (LandDetectorInput((0.0, 0.0, 0.3), (0.0, 0.0), 0.7, 0.12, None), "the deck heaves faster than 0.25 m/s"),
-        (LandDetectorInput((0.0, 0.0, 0.0), (0.0, 0.0), 0.0, 0.5, None), "no descent is commanded at hover thrust"),
-        (LandDetectorInput((0.0, 0.0, 0.0), (0.0, 0.0), 0.7, 0.3, None), "the thrust is above the minimum"),
-        (LandDetectorInput((0.0, 0.0, 0.0), (0.4, 0.0), 0.7, 0.12, None), "the vehicle rotates"),
-        (LandDetectorInput((0.0, 0.0, 0.0), (0.0, 0.0), 0.7, 0.12, 2.0), "the ground is 2 m below"),
+        ({"velocity_ned_m_s": (1.6, 0.0, 0.0)}, "the deck moves faster than 1.5 m/s"),
+        ({"velocity_ned_m_s": (0.0, 0.0, 0.3)}, "the deck heaves faster than 0.25 m/s"),
+        ({"descent_setpoint_m_s": 0.0}, "no descent is commanded, however low the thrust"),
+        ({"thrust_command": 0.3}, "the thrust is above the minimum"),
+        ({"angular_rate_xy_rad_s": (0.4, 0.0)}, "the vehicle rotates"),
+        ({"height_above_ground_m": 2.0}, "the ground is 2 m below"),
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
-def test_nothing_is_detected_when(seen: LandDetectorInput, why: str) -> None:
-    assert time_to_landing(seen) is None, why
+def test_nothing_is_detected_when(change: dict[str, Any], why: str) -> None:
+    assert time_to_landing(replace(STANDING, **change)) is None, why
 
 
 def test_a_disarmed_vehicle_is_landed_whatever_moves() -> None:
