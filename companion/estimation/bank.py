@@ -21,6 +21,10 @@ LEAST_TO_LOOK_AHEAD = 0.02
 LEAST_PROBABILITY = 1e-3
 """No model is ever given up: the pad may start to turn at any time."""
 
+LOWER = tuple((i, j) for i in range(SHARED) for j in range(i + 1))
+MIRRORED = tuple(LOWER.index((max(i, j), min(i, j))) for i in range(SHARED) for j in range(SHARED))
+"""Where the elements of a symmetric matrix stand in its lower triangle."""
+
 
 @dataclass(slots=True)
 class Member:
@@ -119,18 +123,12 @@ def _moments(members: Sequence[Member], shares: Sequence[float]) -> tuple[list[f
         return x[:SHARED], [value for i in range(SHARED) for value in Pm[i * n : i * n + SHARED]]
     scale = 1.0 / sum(part[0] for part in parts)
     mean = [sum(w * x[i] for w, x, _, _ in parts) * scale for i in range(SHARED)]
-    P = [0.0] * (SHARED * SHARED)
+    triangle = [0.0] * len(LOWER)
     for w, x, Pm, n in parts:
         w *= scale
         d = [a - b for a, b in zip(x, mean, strict=False)]
-        for i in range(SHARED):
-            di, to, source = d[i], i * SHARED, i * n
-            for j in range(i + 1):
-                P[to + j] += w * (Pm[source + j] + di * d[j])
-    for i in range(SHARED):
-        for j in range(i):
-            P[j * SHARED + i] = P[i * SHARED + j]
-    return mean, P
+        triangle = [p + w * (Pm[i * n + j] + d[i] * d[j]) for p, (i, j) in zip(triangle, LOWER, strict=True)]
+    return mean, [triangle[k] for k in MIRRORED]
 
 
 def combined(members: Sequence[Member]) -> Mixture:

@@ -156,9 +156,9 @@ def _summed(matrix: Sequence[Sequence[float]], row: int, from_rows: Sequence[int
 
 def scale_state(P: Vector, n: int, i: int, factor: float) -> None:
     """P <- F P F' where F only multiplies state i by `factor`."""
-    for j in range(n):
-        P[i * n + j] *= factor
-        P[j * n + i] *= factor
+    row = slice(i * n, i * n + n)
+    P[row] = [value * factor for value in P[row]]
+    P[i::n] = [value * factor for value in P[i::n]]
 
 
 def log_likelihood(y: float, S: float) -> float:
