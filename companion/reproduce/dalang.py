@@ -228,14 +228,15 @@ def _lag_rows(row: FlightRow) -> list[Row]:
     config = load_with([preset_file("dalang")], {})
     trail_m = lag_s(config) * BASE.pad_speed_m_s
     curve_m = config.planning.min_duration_s * BASE.pad_speed_m_s
-    behind = row["touchdown_error_along_m"]
+    along = row["touchdown_error_along_m"]
+    behind: float | str = "-" if along is None else -along
     return [
         Row(table, "(1 + kd) / kp", None, lag_s(config), "s", "", "not printed"),
         Row(table, "trails a pad at 0.1 m/s by", None, trail_m, "m", "", "not printed"),
         Row(table, "of which it may land within", 0.1, config.mission.follow_radius_m, "m", "0", "same"),
         Row(table, "fastest pad it could follow and land on", None, 0.1 / lag_s(config), "m/s", "", "not printed"),
         Row(table, "the pad's way during one curve at 0.1 m/s", None, curve_m, "m", "", "not printed"),
-        Row(table, "flown: behind the centre at touchdown", None, -behind, "m", "", "not printed"),
+        Row(table, "flown: behind the centre at touchdown", None, behind, "m", "", "not printed"),
     ]
 
 

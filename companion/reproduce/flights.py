@@ -12,6 +12,7 @@ import math
 import time
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 from companion.campaign.campaign_file import Sample
@@ -38,9 +39,14 @@ def flight(
     seed: int = 1,
     world: Mapping[str, Any] | None = None,
     app: Mapping[str, Any] | None = None,
+    files: Sequence[str] = (),
 ) -> Sample:
-    """One flight in configs/scenarios/papers/<scenario>.toml. `preset` None: the default pipeline, with what `app` says."""
-    presets = () if preset is None else (str(preset_file(preset)),)
+    """One flight in configs/scenarios/papers/<scenario>.toml. `preset` None: the default pipeline, with what `app` says.
+
+    `files` are further configuration files, as "pads/nested".
+    """
+    presets: tuple[str, ...] = () if preset is None else (str(preset_file(preset)),)
+    presets += tuple(str(find(*name.split("/"))) for name in files)
     file = str(find("scenarios/papers", scenario))
     return Sample(index, file, seed, preset or "default", presets, dict(app or {}), dict(world or {}))
 
@@ -63,7 +69,7 @@ def fly_and_measure(sample: Sample) -> Row:
 
     cv2.setNumThreads(1)
     scenario = with_overrides(load_scenario(sample.scenario), sample.world)
-    config = load_with(_files(sample), sample.app)
+    config = load_with([Path(name) for name in sample.presets], sample.app)
     watch = FlightWatch()
     began = time.perf_counter()
     result = fly(scenario, config, seed=sample.seed, sinks=[watch])
@@ -81,12 +87,6 @@ def fly_and_measure(sample: Sample) -> Row:
         "track": [(i.t_s, i.vehicle_m, i.pad_m, i.yaw_rad) for i in watch.instants],
         "phases": [(t_s, str(change.after)) for t_s, change in watch.changes],
     }
-
-
-def _files(sample: Sample) -> list[Any]:
-    from pathlib import Path
-
-    return [Path(name) for name in sample.presets]
 
 
 def _airborne(instants: Sequence[Instant], start_s: float, touchdown_s: float | None) -> list[Instant]:

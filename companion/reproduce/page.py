@@ -6,17 +6,36 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from html import escape
 from itertools import groupby
 from pathlib import Path
 
-from companion.reproduce.row import Reproduction, Row
+from companion.reproduce.row import Reproduction, Row, Verdict
 from companion.telemetry.report import STYLE, SVG_STYLE
 from companion.telemetry.svg_plot import Chart, svg
 
-HEADINGS = ("", "printed", "ours", "difference", "tolerance", "verdict")
 
+@dataclass(frozen=True, slots=True)
+class Wording:
+    """What the columns are called, and the verdicts."""
+
+    headings: tuple[str, ...]
+    verdicts: Mapping[Verdict, str]
+
+
+PRINT = Wording(
+    ("", "printed", "ours", "difference", "tolerance", "verdict"),
+    {verdict: verdict for verdict in ("same", "better", "differs", "not printed")},
+)
+VERSUS = Wording(
+    ("", "the paper's preset", "the default pipeline", "difference", "tie within", "the default"),
+    {"better": "wins", "same": "ties", "differs": "loses", "not printed": ""},
+)
+"""Two pipelines instead of print and measurement."""
+
+FIGURES = "Figures, redrawn from our runs"
 VERDICT_STYLE = ".same{color:#15803d}.better{color:#0369a1}.differs{color:#b91c1c;font-weight:600}"
 
 
@@ -42,15 +61,15 @@ def difference_text(row: Row) -> str:
     return f"{0.0 if abs(difference) < 1e-12 else difference:+.3g}"
 
 
-def cells(row: Row) -> tuple[str, ...]:
-    """The row as texts in the order of HEADINGS."""
+def cells(row: Row, wording: Wording = PRINT) -> tuple[str, ...]:
+    """The row as texts in the order of the headings."""
     return (
         row.name,
         value_text(row.printed, row.unit),
         value_text(row.ours, row.unit),
         difference_text(row),
         row.tolerance,
-        row.verdict,
+        wording.verdicts[row.verdict],
     )
 
 
@@ -77,28 +96,33 @@ def figure_file(chart: Chart) -> str:
     return inner.replace(">", f">{style}{ground}", 1) + "\n"
 
 
-def as_html(made: Reproduction, how: Sequence[str]) -> str:
+def as_html(made: Reproduction, how: Sequence[str], wording: Wording = PRINT) -> str:
     """One self-contained page."""
     parts = [
         f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{escape(made.title)}</title>',
         f"<style>{STYLE}{VERDICT_STYLE}</style></head><body><h1>{escape(made.title)}</h1>",
         _html_list("Where the numbers come from", (*how, *made.notes)),
-        *(_html_table(name, rows) for name, rows in tables(made)),
+        *(_html_table(name, rows, wording) for name, rows in tables(made)),
         _html_list("Errata of the print", made.errata),
-        '<h2>Figures, redrawn from our runs</h2><div class="grid2">',
-        *(svg(chart) for chart in made.figures),
-        "</div></body></html>\n",
+        _html_figures(made.figures),
+        "</body></html>\n",
     ]
     return "\n".join(parts)
 
 
-def _html_table(name: str, rows: Sequence[Row]) -> str:
-    head = "".join(f"<th>{heading}</th>" for heading in HEADINGS)
+def _html_table(name: str, rows: Sequence[Row], wording: Wording) -> str:
+    head = "".join(f"<th>{heading}</th>" for heading in wording.headings)
     body = "".join(
-        f'<tr class="{row.verdict}">' + "".join(f"<td>{escape(cell)}</td>" for cell in cells(row)) + "</tr>\n"
+        f'<tr class="{row.verdict}">' + "".join(f"<td>{escape(cell)}</td>" for cell in cells(row, wording)) + "</tr>\n"
         for row in rows
     )
     return f"<h2>{escape(name)}</h2><table><tr>{head}</tr>\n{body}</table>"
+
+
+def _html_figures(figures: Sequence[Chart]) -> str:
+    if not figures:
+        return ""
+    return f'<h2>{FIGURES}</h2><div class="grid2">' + "".join(svg(chart) for chart in figures) + "</div>"
 
 
 def _html_list(heading: str, lines: Sequence[str]) -> str:
@@ -107,20 +131,20 @@ def _html_list(heading: str, lines: Sequence[str]) -> str:
     return f"<h2>{escape(heading)}</h2><ul>" + "".join(f"<li>{escape(line)}</li>\n" for line in lines) + "</ul>"
 
 
-def as_markdown(made: Reproduction, how: Sequence[str]) -> str:
+def as_markdown(made: Reproduction, how: Sequence[str], wording: Wording = PRINT) -> str:
     """The same for docs/papers; figures are files beside it."""
     parts = [f"# {made.title}\n"]
     parts += [_markdown_list("Where the numbers come from", (*how, *made.notes))]
-    parts += [_markdown_table(name, rows) for name, rows in tables(made)]
+    parts += [_markdown_table(name, rows, wording) for name, rows in tables(made)]
     parts += [_markdown_list("Errata of the print", made.errata)]
-    parts += ["## Figures, redrawn from our runs\n"] if made.figures else []
+    parts += [f"## {FIGURES}\n"] if made.figures else []
     parts += [f"![{chart.title}]({name})\n" for chart, name in zip(made.figures, figure_names(made), strict=True)]
     return "\n".join(part for part in parts if part)
 
 
-def _markdown_table(name: str, rows: Sequence[Row]) -> str:
-    lines = [f"## {name}\n", _markdown_row(HEADINGS), "| --- | --- | --- | --- | --- | --- |"]
-    lines += [_markdown_row(cells(row)) for row in rows]
+def _markdown_table(name: str, rows: Sequence[Row], wording: Wording) -> str:
+    lines = [f"## {name}\n", _markdown_row(wording.headings), "| --- | --- | --- | --- | --- | --- |"]
+    lines += [_markdown_row(cells(row, wording)) for row in rows]
     return "\n".join(lines) + "\n"
 
 
@@ -134,10 +158,10 @@ def _markdown_list(heading: str, lines: Sequence[str]) -> str:
     return f"## {heading}\n\n" + "".join(f"- {line}\n" for line in lines)
 
 
-def write_page(made: Reproduction, out: Path, how: Sequence[str]) -> list[Path]:
+def write_page(made: Reproduction, out: Path, how: Sequence[str], wording: Wording = PRINT) -> list[Path]:
     """KEY.html, KEY.md and its figures in `out`; their paths."""
     out.mkdir(parents=True, exist_ok=True)
-    texts = {f"{made.key}.html": as_html(made, how), f"{made.key}.md": as_markdown(made, how)}
+    texts = {f"{made.key}.html": as_html(made, how, wording), f"{made.key}.md": as_markdown(made, how, wording)}
     texts |= {name: figure_file(chart) for name, chart in zip(figure_names(made), made.figures, strict=True)}
     for name, text in texts.items():
         (out / name).write_text(text, encoding="utf-8")

@@ -10,7 +10,7 @@ import importlib
 from pathlib import Path
 
 from companion.reproduce.row import Reproduce, Reproduction
-from sitl_stub.scenario import find
+from sitl_stub.scenario import find, names
 
 
 class NotReproduced(ValueError):
@@ -43,6 +43,11 @@ def chosen(key: str | None) -> dict[str, Reproduce]:
     if key not in PAPERS:
         raise NotReproduced(f"{key!r} is not one of the papers; allowed: {', '.join(PAPERS)}")
     return {key: PAPERS[key]}
+
+
+def with_preset() -> list[str]:
+    """Keys of the papers that have a preset, in the papers' order."""
+    return [key for key in PAPERS if key in names("papers")]
 
 
 def preset_file(key: str) -> Path:
