@@ -6,6 +6,7 @@ its part (IDLE) until a person says START again.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 from companion.config import Mission, Safety
@@ -28,6 +29,9 @@ STREAM_BEFORE_OFFBOARD_S = 0.2
 
 REQUEST_PERIOD_S = 1.5
 """A request that the session has given up on is made again this often."""
+
+OVERTURNED_RAD, OVERTURNED_S = math.radians(60.0), 0.3
+"""Tilted like this for this long at the deck's height, the vehicle has fallen over: no flight recovers, propellers only harm."""
 
 NEW_FLIGHT_PHASES = frozenset({Phase.TAKEOFF, Phase.ENGAGE})
 
@@ -57,6 +61,7 @@ class Machine:
         self._flight_since_ns: int | None = None
         self._above_pad_for_s = 0.0
         self._in_sight_for_s = 0.0
+        self._overturned_for_s = 0.0
         self._last_request: tuple[CommandKind, int] | None = None
         self._start_until_ns: int | None = None
         self._mode_at_entry: AutopilotMode | None = None
@@ -110,6 +115,9 @@ class Machine:
             self._since_ns = facts.t_ns
         self._above_pad_for_s = self._above_pad_for_s + dt_s if is_above_pad(facts, self._mission) else 0.0
         self._in_sight_for_s = self._in_sight_for_s + dt_s if is_in_sight(facts, self._mission) else 0.0
+        at_deck = facts.height_above_pad_m is not None and not facts.touchdown.airborne
+        overturned = facts.tilt_rad > OVERTURNED_RAD and at_deck
+        self._overturned_for_s = self._overturned_for_s + dt_s if overturned else 0.0
 
     def _context(self, t_ns: int) -> Context:
         return Context(
@@ -194,6 +202,9 @@ class Machine:
         evidence = facts.touchdown
         if facts.state_age_s is None or facts.state_age_s > MAX_STATE_AGE_S:
             return None  # evidence about a state of long ago is none
+        if self._mission.disarm != "never" and self._overturned_for_s >= OVERTURNED_S:
+            lying = (f"tilt {math.degrees(facts.tilt_rad):.0f} deg at the deck's height",)
+            return VehicleCommand(facts.t_ns, CommandKind.FORCE_DISARM, "overturned on the pad", lying)
         if self._mission.disarm == "never" or evidence.proven_for_s < self._mission.touchdown_time_s:
             return None
         plain_refused = facts.refused is not None and self._last_request is not None

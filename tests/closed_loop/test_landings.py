@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any
 
 import pytest
@@ -128,3 +130,16 @@ def test_an_operators_go_around_is_flown_and_the_landing_follows() -> None:
     result, _ = flown("line", 1, operator=again)
     assert result.go_arounds == 1
     assert_landed(result, error_m=0.3)
+
+
+def test_ten_seconds_without_the_markers_and_their_return_make_no_jump_of_the_setpoint() -> None:
+    hidden = {"faults": [{"kind": "marker_covered", "start_s": 14.0, "duration_s": 10.0}]}
+    result, witness = flown("line", 1, world=hidden)
+    assert_landed(result, error_m=0.3)
+    control = Config().control
+    allowed_m_s = control.max_slew_m_s2 / control.rate_hz + 1e-6
+    setpoints = witness.of(Setpoint)
+    steps = [math.dist(a.velocity_ned_m_s, b.velocity_ned_m_s) for a, b in pairwise(setpoints)]
+    assert max(steps) <= allowed_m_s
+    gaps_s = [(b.t_ns - a.t_ns) / 1e9 for a, b in pairwise(setpoints)]
+    assert max(gaps_s) <= 1.5 / control.rate_hz, "blind or not, the stream goes on"

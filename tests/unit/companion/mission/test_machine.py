@@ -125,6 +125,20 @@ def test_a_refused_disarm_is_forced_only_with_evidence() -> None:
     assert flight.commands[-1] is CommandKind.FORCE_DISARM
 
 
+def test_a_vehicle_lying_on_the_deck_has_its_motors_stopped_and_one_tilted_in_the_air_has_not() -> None:
+    lying = replace(STANDING, proven_for_s=0.0, airborne=False)
+    flight = Flight().to(Phase.TOUCHDOWN)
+    flight.commands.clear()
+    flight.tick(1.0, tilt_rad=1.4, touchdown=replace(lying, airborne=True, suspected=False))
+    assert CommandKind.FORCE_DISARM not in flight.commands
+    flight = Flight().to(Phase.TOUCHDOWN)
+    flight.commands.clear()
+    flight.tick(0.2, tilt_rad=1.4, touchdown=lying)
+    assert flight.commands == []
+    flight.tick(0.2)
+    assert flight.commands == [CommandKind.FORCE_DISARM]
+
+
 def test_disarmed_on_the_pad_is_done() -> None:
     flight = Flight().to(Phase.TOUCHDOWN)
     assert flight.tick(status=flight.status(armed=False)) is Phase.DONE
