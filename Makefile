@@ -14,6 +14,7 @@ demo: setup ## a simulated quadrotor finds a moving pad, lands on it and disarms
 
 test: setup ## the whole test suite
 	@.ci/system-packages
+	@.ci/mavproxy $(PYTHON)
 	@echo "-- tests"
 	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q -n 2 --dist loadfile $(ARGS)
 
@@ -33,4 +34,4 @@ $(STAMP): pyproject.toml
 
 
 clean:
-	rm -rf $(VENV) runs .pytest_cache .mypy_cache .ruff_cache
+	rm -rf $(VENV) .venv-mavproxy runs .pytest_cache .mypy_cache .ruff_cache

@@ -1,7 +1,7 @@
 """A virtual pad for a foreign autopilot: deck, cameras, range sensor and beacon around a vehicle that flies elsewhere.
 
 `sitl-stub --vehicle external` speaks MAVLink with an autopilot in simulation (any PX4 with SIH or Gazebo) on its ground
-station link: it asks for the vehicle's true pose (HIL_STATE_QUATERNION) with SET_MESSAGE_INTERVAL, learns the autopilot's
+station link: it asks for the vehicle's true pose (external_pose.py says in which messages) with SET_MESSAGE_INTERVAL, learns the autopilot's
 boot clock by TIMESYNC, sends the range sensor as DISTANCE_SENSOR and the beacon as a second system, which PX4 forwards to
 the application's link. Nothing is simulated of the vehicle, and nothing touches: no contact, no verdict but the time.
 
@@ -22,12 +22,13 @@ from sitl_stub.capture import CameraChannel, Capture, turned_back
 from sitl_stub.carriers.deck import Deck, DeckState
 from sitl_stub.contact import ContactState
 from sitl_stub.datagram_faults import Datagram
+from sitl_stub.external_pose import PoseSource, ReportedPose
 from sitl_stub.geodesy import Origin
 from sitl_stub.mavlink.definitions import (
     COMMAND_LONG,
     DISTANCE_SENSOR,
+    GPS_GLOBAL_ORIGIN,
     HEARTBEAT,
-    HIL_STATE_QUATERNION,
     TIMESYNC,
     MessageType,
 )
@@ -52,7 +53,7 @@ _POSE_HZ = 100.0
 _SECOND_US = 1_000_000
 _POSE_STALE_US = 500_000
 _GROUND_STATION, _NO_AUTOPILOT, _ACTIVE = 6, 8, 4
-_SET_MESSAGE_INTERVAL = 511
+_SET_MESSAGE_INTERVAL, _REQUEST_MESSAGE = 511, 512
 _ROTATION_DOWN = 25
 _LEGS_M = 0.15
 _NOT_SEEN = (0.0, 0.0, 0.0)
@@ -63,7 +64,7 @@ _CLOCK_SHARE = 0.1
 
 @dataclass(frozen=True, slots=True)
 class TruePose:
-    """What HIL_STATE_QUATERNION said, and when it came (our clock)."""
+    """What the autopilot said in W, and when it came (our clock)."""
 
     t_us: int
     position_ned_m: Vec3
@@ -102,6 +103,7 @@ class ExternalWorld:
         self.t_us = 0
         self.clock = BootClock()
         self.pose: TruePose | None = None
+        self.source = PoseSource()
         self.target: tuple[int, int] | None = None
         """System and component of the autopilot."""
         self.origin: Origin | None = None
@@ -144,10 +146,12 @@ class ExternalWorld:
             self._handle_heartbeat(frame)
         elif (frame.system_id, frame.component_id) != self.target:
             return
-        elif frame.message_type is HIL_STATE_QUATERNION:
-            self._handle_pose(frame)
         elif frame.message_type is TIMESYNC:
             self._handle_timesync(frame)
+        else:
+            reported = self.source.read(frame, self.t_us)
+            if reported is not None:
+                self._handle_pose(reported)
 
     def _handle_heartbeat(self, frame: Frame) -> None:
         custom_mode, kind, autopilot, base_mode, *_ = (int(value) for value in frame.values())
@@ -159,21 +163,14 @@ class ExternalWorld:
             self._armed = bool(base_mode & 0x80)
             self._mode = f"mode {custom_mode >> 16 & 0xFF}.{custom_mode >> 24}"
 
-    def _handle_pose(self, frame: Frame) -> None:
-        values = [float(value) for value in frame.values()]
-        _, w, x, y, z, p, q, r, lat, lon, alt, vx, vy, vz = values[:14]
+    def _handle_pose(self, pose: ReportedPose) -> None:
         if self.origin is None:
             # Disarmed, it stands on the ground; armed, it may be anywhere above the ground of the scenario.
-            ground_m = self.scenario.place.altitude_m if self._armed else alt * 1e-3 - _LEGS_M
-            self.origin = Origin(lat * 1e-7, lon * 1e-7, ground_m)
-        north, east = self.origin.to_local(lat * 1e-7, lon * 1e-7)
-        self.pose = TruePose(
-            self.t_us,
-            (north, east, self.origin.altitude_m - alt * 1e-3),
-            (vx * 0.01, vy * 0.01, vz * 0.01),
-            (w, x, y, z),
-            (p, q, r),
-        )
+            ground_m = self.scenario.place.altitude_m if self._armed else pose.altitude_m - _LEGS_M
+            self.origin = Origin(pose.latitude_deg, pose.longitude_deg, ground_m)
+        north, east = self.origin.to_local(pose.latitude_deg, pose.longitude_deg)
+        position = (north, east, self.origin.altitude_m - pose.altitude_m)
+        self.pose = TruePose(self.t_us, position, pose.velocity_ned_m_s, pose.q_ned_frd, pose.rates_frd_rad_s)
 
     def _handle_timesync(self, frame: Frame) -> None:
         answered_ns, sent_ns, *_ = (int(value) for value in frame.values())
@@ -195,10 +192,15 @@ class ExternalWorld:
             sent.append(self._frame(TIMESYNC, 0, self.t_us * 1000, *self.target))
         if not self._sees_vehicle() and self.t_us - self._asked_us >= _SECOND_US:
             self._asked_us = self.t_us
-            interval_us = 1e6 / _POSE_HZ
-            values = (HIL_STATE_QUATERNION.id, interval_us, 0.0, 0.0, 0.0, 0.0, 0.0, _SET_MESSAGE_INTERVAL)
-            sent.append(self._frame(COMMAND_LONG, *values, *self.target, 0))
+            sent.append(self._command(_SET_MESSAGE_INTERVAL, self.source.ask().id, 1e6 / _POSE_HZ))
+            if self.source.needs_origin:
+                sent.append(self._command(_REQUEST_MESSAGE, GPS_GLOBAL_ORIGIN.id))
         return sent
+
+    def _command(self, command: int, *parameters: float) -> bytes:
+        assert self.target is not None
+        values = (*parameters, *(0.0,) * (7 - len(parameters)))
+        return self._frame(COMMAND_LONG, *values, command, *self.target, 0)
 
     def _sees_vehicle(self) -> bool:
         """A fresh pose and a known clock."""

@@ -177,6 +177,13 @@ POSITION_TARGET_GLOBAL_INT = _define(
     "IiifffffffffHB",
     "time_boot_ms lat_int lon_int alt vx vy vz afx afy afz yaw yaw_rate type_mask coordinate_frame",
 )
+SIM_STATE = _define(
+    "SIM_STATE",
+    108,
+    32,
+    "21fii",
+    "q1 q2 q3 q4 roll pitch yaw xacc yacc zacc xgyro ygyro zgyro lat lon alt std_dev_horz std_dev_vert vn ve vd lat_int lon_int",
+)
 HIL_STATE_QUATERNION = _define(
     "HIL_STATE_QUATERNION",
     115,

@@ -1,7 +1,7 @@
 """MAVProxy, a real ground station, headless against the simulated vehicle over UDP: connect, arm, change mode, fetch parameters.
 
-MAVProxy is GPL software and no dependency of this project; where it is installed in an environment of its own (`pip install --no-deps
-mavproxy` beside pymavlink, pyserial and numpy) the test runs it: `MAVPROXY` names the script, or `.venv-mavproxy` or PATH has it.
+MAVProxy is GPL software and no dependency of this project; `make test` (`.ci/mavproxy`) installs it in an environment of its own. The
+test runs what `MAVPROXY` names, or `.venv-mavproxy` or PATH has, and is skipped where there is none.
 Modes go by `long DO_SET_MODE`: the `mode` command of 1.8.75 with pymavlink 2.4.50 fails by itself on PX4's three-part modes.
 """
 
