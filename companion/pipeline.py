@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from companion.config import Config, Marker
 from companion.control import CONTROLLERS, YAW_LAWS, ControlInput, Reference, YawInput
 from companion.control.limits import limited_length, limited_velocity, slewed
+from companion.detour import cylinders
 from companion.estimation import VehiclePose, make_tracker
 from companion.geometry import (
     ZERO,
@@ -54,6 +55,7 @@ from companion.mission.search_area import SearchArea
 from companion.mount import mounted
 from companion.planning import FOLLOWERS, PLANNERS
 from companion.planning.follower import FollowRequest
+from companion.planning.obstacle import Cylinder
 from companion.situation import Situation
 from companion.vision.detector import DetectionHint
 from companion.vision.field_of_view import half_field_rad, may_be_in_view
@@ -333,6 +335,7 @@ class Pipeline:
                 pad_acceleration_m_s2=target.acceleration_ahead_m_s2,
                 max_descent_m_s=goal.max_descent_m_s,
                 pad_position_m=target.position_m,
+                obstacles=self._obstacles(goal, target, pose),
             )
         )
         self._situation.plan_to_go_s = self._follower.to_go_s(t_ns)
@@ -340,6 +343,13 @@ class Pipeline:
             outputs.append(followed.plan)
             self._note_plan(followed.plan)
         return Reference(*followed.now), Reference(*followed.ahead)
+
+    def _obstacles(self, goal: Goal, target: _Target, pose: VehiclePose) -> tuple[Cylinder, ...]:
+        zones = self._situation.zones().no_fly
+        if not zones:
+            return ()
+        vehicle, pad = pose.position_ned_m, target.position_m
+        return cylinders(zones, vehicle_ned_m=vehicle, pad_ned_m=pad, goal_m=goal.position_m)
 
     def _note_plan(self, plan: PlanMade) -> None:
         """A planner that finds nothing for a moment is waited for; the reference holds meanwhile."""

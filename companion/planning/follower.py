@@ -13,6 +13,7 @@ from companion.config import Planning
 from companion.geometry import ZERO, norm, subtract
 from companion.messages import PlanMade, Vec3
 from companion.planning.limits import limits_from_config
+from companion.planning.obstacle import Obstacle
 from companion.planning.request import NoPlan, Plan, Planner, PlanRequest, admitting_start, plan_made
 
 RESTART_ERROR_M = 1.0
@@ -35,7 +36,7 @@ State = tuple[Vec3, Vec3, Vec3]
 class FollowRequest:
     """`position_m`, `velocity_m_s`: vehicle minus pad now. The goal is relative to the pad as well.
 
-    `pad_position_m` is the pad in W. Styles: `plan` to the goal; `level` to the goal's place at the height where it was first asked for; `ramp` straight down.
+    `pad_position_m` is the pad in W, `obstacles` are relative to it. Styles: `plan` to the goal; `level` to the goal's place at the height where it was first asked for; `ramp` straight down.
     """
 
     t_ns: int
@@ -49,6 +50,7 @@ class FollowRequest:
     pad_acceleration_m_s2: Vec3
     max_descent_m_s: float | None
     pad_position_m: Vec3 = ZERO
+    obstacles: tuple[Obstacle, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,6 +174,7 @@ class ReferenceFollower:
             pad_velocity_m_s=request.pad_velocity_m_s,
             pad_acceleration_m_s2=request.pad_acceleration_m_s2,
             min_duration_s=self._shortest_s,
+            obstacles=request.obstacles,
         )
         result = self._planner.plan(admitting_start(wanted))
         self._made_for = request

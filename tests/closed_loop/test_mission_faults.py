@@ -6,6 +6,7 @@ Companion sends nothing until a person says START.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import pytest
@@ -140,3 +141,23 @@ def test_a_start_without_a_camera_is_refused_and_says_so() -> None:
     assert rig.phase is Phase.IDLE
     assert rig.onboard.pipeline.note == "START refused: no camera frames"
     assert rig.messages(VehicleCommand) == []
+
+
+def test_a_no_fly_zone_between_vehicle_and_pad_is_flown_round() -> None:
+    def distance_to_mast_m() -> float:
+        north, east, _ = rig.world.truth().vehicle.position_ned_m
+        return math.hypot(north - mast[0], east - mast[1])
+
+    def turn_and_measure() -> bool:
+        nearest_m.append(distance_to_mast_m())
+        return rig.ending != "flying"
+
+    rig = Rig({"path.kind": "line", "path.speed_m_s": 0.5, "place.pad_distance_m": 30.0}, seed=2)
+    vehicle, pad = rig.world.truth().vehicle.position_ned_m, rig.world.truth().pad_position_ned_m
+    mast = (0.5 * (vehicle[0] + pad[0]), 0.5 * (vehicle[1] + pad[1]))
+    zone = Zone(name="mast", kind="no_fly", center_m=mast, radius_m=4.0)
+    rig = Rig(rig.world_changes, Config(safety=Safety(zones=(zone,))), seed=2)
+    nearest_m: list[float] = []
+    rig.run(60.0, turn_and_measure)
+    assert rig.ending == "on_pad", rig.onboard.pipeline.note
+    assert min(nearest_m) > 4.0
