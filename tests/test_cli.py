@@ -12,6 +12,8 @@ from typer.testing import CliRunner, Result
 from companion.campaign.runner import OUTCOMES
 from companion.campaign.summary import WALL_KEYS
 from companion.cli import app
+from companion.reproduce.papers import PAPERS
+from companion.reproduce.row import Reproduction, number_row
 
 DOCUMENTED_KEYS = {
     "outcome",
@@ -101,3 +103,43 @@ def test_check_config_prints_the_whole_configuration() -> None:
 def test_every_outcome_is_documented() -> None:
     text = (Path(__file__).parents[1] / "docs" / "running.md").read_text(encoding="utf-8")
     assert not [outcome for outcome in OUTCOMES if f"`{outcome}`" not in text]
+
+
+def test_reproduce_prints_a_table_and_writes_its_pages(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    rows = (number_row("Table I", "length", 17.114, 17.1139, "m", 0.001),)
+    made = Reproduction("shivam", "A paper", rows, (), ("A misprint.",), ("One flight.",))
+    asked: list[bool] = []
+    monkeypatch.setitem(PAPERS, "shivam", lambda quick: asked.append(quick) or made)  # type: ignore[func-returns-value]
+    result = invoked("reproduce", "shivam", "--quick", "--json", "--out", str(tmp_path))
+    assert result.exit_code == 0, result.output
+    assert asked == [True]
+    figures = json.loads(result.stdout.strip().splitlines()[-1])["papers"]["shivam"]
+    assert figures["verdicts"] == {"same": 1}
+    assert figures["rows"][0]["printed"] == 17.114
+    assert "Table I" in result.output
+    assert "A misprint." in (tmp_path / "shivam.md").read_text(encoding="utf-8")
+    assert "companion reproduce shivam --quick" in (tmp_path / "shivam.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (("reproduce", "newton"), "allowed: shivam, falanga, guo, kim, dalang"),
+        (("reproduce", "newton", "--versus"), "allowed: shivam, falanga, guo, kim, dalang"),
+        (("demo", "--preset", "newton"), "shivam"),
+        (("run", "--preset", "newton"), "shivam"),
+    ],
+)
+def test_a_paper_that_is_none_is_refused_with_those_that_are(arguments: tuple[str, ...], told: str) -> None:
+    result = invoked(*arguments)
+    assert result.exit_code == 2
+    assert told in result.output
+
+
+def test_demo_flies_a_preset_in_its_own_scenario_and_a_setting_still_counts(tmp_path: Path) -> None:
+    arguments = ("--preset", "shivam", "--set", "planning.bezier_ratio=0.3", *SHORT)
+    figures, folder, _ = demo(tmp_path, *arguments)
+    assert figures["scenario"] == "shivam"
+    kept = json.loads((folder / "config.json").read_text(encoding="utf-8"))
+    assert kept["planning"]["planner"] == "bezier"
+    assert kept["planning"]["bezier_ratio"] == 0.3

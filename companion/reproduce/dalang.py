@@ -94,7 +94,7 @@ NOTES = (
     "The pad drives for 70 s (20 s at 1.0 m/s), then stops. Rover and vehicle know their places without error and there is no "
     "wind, as in the paper. The vehicle is the simulator's default quadrotor; its range sensor serves the proof of touchdown.",
     "The default pipeline flies the same worlds with its own configuration: camera, nested ArUco marker, beacon.",
-    "Seed 1 for every flight; there is nothing random left but the pad's heading noise and the camera's. One flight a case.",
+    "Seed 1 for every flight; what is left at random is the rover's wobble and the camera's noise. One flight a case.",
 )
 
 
@@ -299,4 +299,6 @@ def _distances(table: str, chosen: Sequence[tuple[Case, FlightRow]]) -> Chart:
     ]
     ends = max(row["track"][-1][0] for _, row in chosen)
     limit = Line("0.1 m", GREY, [0.0, ends], [0.1, 0.1], dashed=True)
-    return Chart(f"{table}: horizontal distance (simulated)", "time, s", "m", (*lines, limit), y_range=(0.0, 8.0))
+    return Chart(
+        f"{table}: horizontal distance (simulated)", "time, s", "m", (*lines, limit), y_range=(0.0, 8.0), width=780.0
+    )

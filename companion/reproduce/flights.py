@@ -52,8 +52,11 @@ def flight(
 
 
 def flown(samples: Sequence[Sample], workers: int | None = None) -> list[Row]:
-    """All of them, in their order; the rows of `fly_and_measure`."""
+    """All of them, in their order; the rows of `fly_and_measure`. RuntimeError where the program itself failed."""
     rows = {row["sample"]: row for row in fly_all(samples, workers=_workers(samples, workers), flight=fly_and_measure)}
+    broken = [row["reason"] for row in rows.values() if row["outcome"] in ("error", "lost")]
+    if broken:
+        raise RuntimeError(f"{len(broken)} of {len(samples)} flights could not be flown: {broken[0]}")
     return [rows[sample.index] for sample in samples]
 
 

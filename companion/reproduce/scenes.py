@@ -40,6 +40,7 @@ def _guo(name: str, scenario: str, preset_app: Mapping[str, Any]) -> Scene:
     return Scene(name, scenario, {}, preset_app, own_pad, ("pads/deck_120x70",))
 
 
+_EIGHT = {"length_m": 50.0, "width_m": 16.0}
 _NEAR = {"mission.follow_behind_m": 2.25}
 
 SCENES: dict[str, tuple[Scene, ...]] = {
@@ -50,9 +51,9 @@ SCENES: dict[str, tuple[Scene, ...]] = {
     ),
     "falanga": (
         _falanga("line, 1.2 m/s", {"kind": "line", "speed_m_s": 1.2}),
-        _falanga("circle, 2 m/s", {"kind": "circle", "speed_m_s": 2.0}),
-        _falanga("figure-8, 3 m/s", {"kind": "figure8", "speed_m_s": 3.0}),
-        _falanga("figure-8, 4.2 m/s", {"kind": "figure8", "speed_m_s": 4.2}),
+        _falanga("circle, 2 m/s", {"kind": "circle", "speed_m_s": 2.0, "radius_m": 10.0}),
+        _falanga("figure-8, 3 m/s", {"kind": "figure8", "speed_m_s": 3.0, **_EIGHT}),
+        _falanga("figure-8, 4.2 m/s", {"kind": "figure8", "speed_m_s": 4.2, **_EIGHT}),
     ),
     "guo": (
         _guo("still deck, wind 12 km/h", "guo_deck", {}),

@@ -33,6 +33,11 @@ SAMPLES = 20_001
 TOUCH_M = 0.1
 COLOURS = (BLUE, ORANGE, GREEN, RED, GREY)
 PURPLE = "#9333ea"
+WIDE, TALL = 780.0, 400.0
+"""Five names stand beside a title."""
+
+LENGTHS = "Arc length (`printed`: computed beforehand, see above)"
+BENDS = "Peak curvature (`printed`: computed beforehand, see above)"
 
 Point = tuple[float, float]
 
@@ -178,13 +183,13 @@ def _shape_rows(curves: Sequence[BezierCurve]) -> list[Row]:
     for case, curve in zip(CASES, curves, strict=True):
         name = f"case {case.number}, {case.name}"
         length = arc_length(curve, 12).total_m
-        lengths.append(number_row("Arc length", name, case.length_m, length, "m", 0.001))
+        lengths.append(number_row(LENGTHS, name, case.length_m, length, "m", 0.001))
         peak = peak_curvature_1_m(curve, 2001)
-        bends.append(number_row("Peak curvature", name, case.curvature_1_m, peak, "1/m", 0.00005))
+        bends.append(number_row(BENDS, name, case.curvature_1_m, peak, "1/m", 0.00005))
     least = min((row for row in bends if row.name.startswith("case 2")), key=lambda row: row.ours)
     flattest = least.name.removeprefix("case 2, ")
     verdict: Any = "same" if flattest == "a = 0.5" else "differs"
-    return [*lengths, *bends, Row("Peak curvature", "case 2, the flattest", "a = 0.5", flattest, "", "", verdict)]
+    return [*lengths, *bends, Row(BENDS, "case 2, the flattest", "a = 0.5", flattest, "", "", verdict)]
 
 
 def _end_rows(curves: Sequence[BezierCurve]) -> list[Row]:
@@ -388,14 +393,14 @@ def _paths(title: str, names: Sequence[str], found: Sequence[Track], curves: Seq
     lines = [Line(n, c, f.x_m[::4], f.y_m[::4]) for n, c, f in zip(names, COLOURS, found, strict=False)]
     points = [p for curve in curves for p in curve.points_m]
     dots = Line("control points", PURPLE, [p[0] for p in points], [p[1] for p in points], dots=True)
-    return Chart(title, "x, m", "y, m", (*lines, dots), equal=True)
+    return Chart(title, "x, m", "y, m", (*lines, dots), equal=True, width=WIDE, height=TALL)
 
 
 def _over_time(
     title: str, unit: str, names: Sequence[str], found: Sequence[Track], values: Callable[[Track], list[float]]
 ) -> Chart:
     lines = [Line(n, c, f.t_s[::4], values(f)[::4]) for n, c, f in zip(names, COLOURS, found, strict=False)]
-    return Chart(title, "time, s", unit, tuple(lines))
+    return Chart(title, "time, s", unit, tuple(lines), width=WIDE, height=TALL)
 
 
 def _flight_figures(names: Sequence[str], flights: Sequence[FlightRow]) -> list[Chart]:

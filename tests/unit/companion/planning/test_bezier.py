@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 
@@ -140,3 +141,20 @@ def test_the_planner_lands_where_headings_are_parallel() -> None:
     plan = BezierPlanner().plan(request)
     assert isinstance(plan, Plan)
     assert plan.trajectory.sample(plan.trajectory.duration_s)[0] == pytest.approx((0.0, 0.0, 0.0), abs=1e-9)
+
+
+def test_given_headings_are_taken_where_the_velocities_say_none() -> None:
+    planner = BezierPlanner(0.5, start_heading_rad=-math.pi, end_heading_rad=-math.pi / 2.0)
+    still = PlanRequest(
+        t_ns=0,
+        position_m=(10.0, 10.0, -3.0),
+        velocity_m_s=(0.0,) * 3,
+        limits=Limits(),
+        goal_position_m=(0.0, 0.0, -1.0),
+    )
+    plan = planner.plan(still)
+    assert isinstance(plan, Plan)
+    assert plan.control_points_m[2][:2] == pytest.approx((0.0, 10.0))
+    drifting = planner.plan(replace(still, velocity_m_s=(-0.35, -0.35, 0.0)))
+    assert isinstance(drifting, Plan)
+    assert drifting.control_points_m[1][1] < 10.0
