@@ -44,7 +44,7 @@ from companion.onboard import JournalEntry, Onboard
 from companion.services import services_of
 from companion.telemetry.flight_record import FlightRecord
 from companion.telemetry.live_view import LiveView
-from companion.telemetry.report import report_html
+from companion.telemetry.report import picture, report_html
 from companion.trouble import Trouble
 from companion.vision import Detection
 from companion.vision.frame_watch import ArrivalWatch
@@ -337,12 +337,13 @@ class FolderSink:
         self._writer.write((now_ns + self._wall_minus_monotonic_ns) // 1000, data)
 
     def journal(self, entries: Sequence[JournalEntry]) -> None:
-        self.record.add_all(entry.message for entry in entries)
+        self.record.add_entries(entries)
         for entry in entries:
             self._messages.write(entry)
 
     def frame(self, camera: str, arrived_ns: int, t_ns: int, content: Image | bytes) -> None:
         self._messages.write_frame(camera, arrived_ns, t_ns, content)
+        self.record.add_frame(t_ns, content)
 
     def close(self) -> None:
         self._writer.close()
@@ -390,7 +391,7 @@ def run_live(config: Config, *, start: bool, runs: Path, show: bool, console: Co
         "wall_s": wall_s,
     }
     folder.write_run(figures)
-    folder.report.write_text(report_html(record, figures, title="companion run", line=line), encoding="utf-8")
+    folder.write_pages(report_html(record, figures, title="companion run", line=line), picture(record))
     console.print(line)
     return 0 if guided or phase is Phase.DONE else 1
 

@@ -223,6 +223,27 @@ def _vector(text: str) -> tuple[float, float, float]:
     return north, east, down
 
 
+@app.command()
+def report(
+    path: Annotated[Path, typer.Argument(help="A run folder, a .mcap of ours, or any .tlog or .ulg (replayed).")],
+    out: Annotated[
+        Path | None, typer.Option(help="The page; default: report.html in the run folder, else here.")
+    ] = None,
+    config: ConfigFiles = None,
+    settings: Settings = None,
+    pad: Annotated[str | None, typer.Option(help="As for replay.", metavar="N,E,D")] = None,
+) -> None:
+    """One self-contained HTML page of a flight or a log: what to look at first, paths, errors, detection, delays."""
+    from companion.replay import ReplayOptions
+    from companion.report_command import write_report
+
+    values = {key: parse_value(text) for key, text in _pairs(settings).items()}
+    try:
+        print(write_report(path, out, ReplayOptions(values, config or [], (), None if pad is None else _vector(pad))))
+    except ValueError as error:
+        _fail(str(error))
+
+
 log_app = typer.Typer(help="Look into a log: .tlog, .mcap or .ulg.", no_args_is_help=True)
 app.add_typer(log_app, name="log")
 app.add_typer(calibrate, name="calibrate")

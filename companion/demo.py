@@ -67,8 +67,7 @@ def fly_demo(scenario: Scenario, config: Config, options: DemoOptions, console: 
         figures["run"] = str(folder.path)
         folder.write_run(figures)
         page = report_html(report.record, {**figures, **versions()}, title=title, line=summary_line(figures))
-        folder.report.write_text(page, encoding="utf-8")
-        (folder.path / "landing.svg").write_text(picture(report.record), encoding="utf-8")
+        folder.write_pages(page, picture(report.record))
     return figures
 
 

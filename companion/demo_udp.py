@@ -22,7 +22,7 @@ from companion.config import Config
 from companion.demo import DemoOptions
 from companion.io.run_folder import RunFolder, versions
 from companion.messages import Phase
-from companion.telemetry.report import report_html
+from companion.telemetry.report import picture, report_html
 from sitl_stub.scenario import Scenario
 
 STUB_GRACE_S = 8.0
@@ -61,7 +61,7 @@ def fly_demo_udp(
     figures["run"] = str(folder.path)
     folder.write_run(figures)
     page = report_html(record, {**figures, **versions()}, title=title, line=summary_line(figures))
-    folder.report.write_text(page, encoding="utf-8")
+    folder.write_pages(page, picture(record))
     return figures
 
 

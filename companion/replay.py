@@ -14,8 +14,8 @@ import gc
 import math
 import time
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from heapq import merge
 from itertools import pairwise
 from pathlib import Path
@@ -71,12 +71,17 @@ class ReplayError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class ReplayOptions:
-    """What the command line asked for. `pad_ned_m` places a pad that stands still, for logs without one."""
+    """What the command line asked for. `pad_ned_m` places a pad that stands still, for logs without one. `watch` is shown every
+    message in and out."""
 
     settings: Mapping[str, Any] = field(default_factory=dict)
     config_files: Sequence[Path] = ()
     frames: Sequence[RecordedFrame] = ()
     pad_ned_m: Vec3 | None = None
+    watch: Callable[[Message], None] | None = None
+
+    def watched_by(self, watch: Callable[[Message], None]) -> ReplayOptions:
+        return replace(self, watch=watch)
 
     @property
     def is_what_if(self) -> bool:
@@ -155,7 +160,7 @@ def _replay_mcap(path: Path, options: ReplayOptions) -> ReplayResult:
         raise ReplayError("this MCAP file was not written by Companion: it holds none of its inputs")
     config = _logged_config(log, options)
     entries = list(log.entries())
-    result = _what_if(entries, config, options) if options.is_what_if else _exact(entries, config)
+    result = _what_if(entries, config, options) if options.is_what_if else _exact(entries, config, options.watch)
     result.damage = str(log.damage)
     if len(entries) > 1:
         result.log_s = (entries[-1].arrived_ns - entries[0].arrived_ns) / 1e9
@@ -192,9 +197,9 @@ def _nested(flown: Mapping[str, Any], settings: Mapping[str, Any]) -> dict[str, 
     return touched
 
 
-def _exact(entries: Sequence[LoggedEntry], config: Config) -> ReplayResult:
+def _exact(entries: Sequence[LoggedEntry], config: Config, watch: Callable[[Message], None] | None) -> ReplayResult:
     pipeline = Pipeline(config)
-    figures = Figures(_start_of(entries))
+    figures = Figures(_start_of(entries), watch)
     has_outputs = any(entry.cause is not None for entry in entries)
     result = ReplayResult("exact" if has_outputs else "inputs only", {})
     for entry, recorded in _answered(entries):
@@ -261,7 +266,7 @@ def _leaves(expected: Any, got: Any, path: str) -> Iterator[tuple[str, Any, Any]
 
 def _what_if(entries: Sequence[LoggedEntry], config: Config, options: ReplayOptions) -> ReplayResult:
     start_ns = _start_of(entries)
-    recorded, figures = Figures(start_ns), Figures(start_ns)
+    recorded, figures = Figures(start_ns), Figures(start_ns, options.watch)
     for entry in entries:
         recorded.add(entry.message)
     inputs = [(entry.arrived_ns, entry.message) for entry in entries if entry.is_input]
@@ -300,7 +305,7 @@ def _replay_ulog(path: Path, options: ReplayOptions) -> ReplayResult:
 def _state_in(log: LogInputs, config: Config, options: ReplayOptions) -> ReplayResult:
     inputs: list[tuple[int, Input]] = list(log.messages)
     start_ns = inputs[0][0] if inputs else 0
-    figures = Figures(start_ns)
+    figures = Figures(start_ns, options.watch)
     if inputs:
         period_ns = round(1e9 / config.control.rate_hz)
         blind = () if options.frames else _blind_camera(inputs, config)
@@ -393,8 +398,9 @@ def _seen(detector: Detector, pipeline: Pipeline, camera: str, t_ns: int, frame:
 class Figures:
     """Sums over messages, inputs and outputs alike: what a what-if and a golden file look at."""
 
-    def __init__(self, start_ns: int) -> None:
+    def __init__(self, start_ns: int, watch: Callable[[Message], None] | None = None) -> None:
         self._start_ns = start_ns
+        self._watch = watch
         self._counts: Counter[str] = Counter()
         self._nis: dict[str, list[float]] = {}
         self._sigma_m: list[float] = []
@@ -411,6 +417,8 @@ class Figures:
             self.add(message)
 
     def add(self, message: Message) -> None:
+        if self._watch is not None:
+            self._watch(message)
         match message:
             case VelocitySetpoint():
                 self.setpoints.append((message.t_ns, message.velocity_ned_m_s))

@@ -96,7 +96,10 @@ class ReportSink:
         pass
 
     def journal(self, entries: Sequence[JournalEntry]) -> None:
-        self.record.add_all(entry.message for entry in entries)
+        self.record.add_entries(entries)
+
+    def frame(self, camera: str, arrived_ns: int, t_ns: int, content: Image | bytes) -> None:
+        self.record.add_frame(t_ns, content)
 
     def truth(self, now_ns: int, truth: Truth) -> None:
         self.record.add_truth(now_ns, truth.vehicle.position_ned_m, truth.pad_position_ned_m)

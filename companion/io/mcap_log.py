@@ -443,6 +443,17 @@ class McapLog:
             arrived_ns = record.log_ns - self.log_minus_companion_ns
             yield LoggedEntry(place.sequence, arrived_ns, place.cause, message, record.data)
 
+    def truths(self) -> Iterator[tuple[int, messages.Vec3, messages.Vec3]]:
+        """(t_ns, vehicle, pad) of a simulation, NED, m; on the companion's clock like the messages."""
+        for record in self.records():
+            if record.topic == TRUTH_TOPIC:
+                try:
+                    truth = _TRUTH.decode(record.data)
+                except msgspec.DecodeError:
+                    self.damage.messages += 1
+                    continue
+                yield truth.t_ns, truth.vehicle_position_ned_m, truth.pad_position_ned_m
+
     def frames(self, camera: str | None = None) -> Iterator[tuple[str, int, bytes]]:
         """(camera, log time ns at which it was taken, JPEG) of the frames that were kept."""
         for record in self.records():
@@ -474,7 +485,14 @@ class _Place(msgspec.Struct):
     cause: int | None = None
 
 
+class _Truth(msgspec.Struct):
+    t_ns: int
+    vehicle_position_ned_m: messages.Vec3
+    pad_position_ned_m: messages.Vec3
+
+
 _PLACE = msgspec.json.Decoder(_Place)
+_TRUTH = msgspec.json.Decoder(_Truth)
 _DECODERS: dict[str, msgspec.json.Decoder[Any]] = {
     topic: msgspec.json.Decoder(kind) for topic, kind in TYPE_OF_TOPIC.items()
 }

@@ -5,6 +5,7 @@ flight.mcap   every message with its schema, some camera frames, the configurati
 run.json      what was flown, with what, and how it ended
 config.json   the whole configuration
 report.html   one self-contained page
+landing.svg   its views from above and from the side
 """
 
 from __future__ import annotations
@@ -38,6 +39,10 @@ class RunFolder:
     @property
     def report(self) -> Path:
         return self.path / "report.html"
+
+    def write_pages(self, report: str, picture: str) -> None:
+        self.report.write_text(report, encoding="utf-8")
+        (self.path / "landing.svg").write_text(picture, encoding="utf-8")
 
     def write_config(self, config: Config) -> None:
         text = msgspec.json.format(msgspec.json.encode(config), indent=2)

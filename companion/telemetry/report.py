@@ -1,14 +1,22 @@
-"""report.html: one self-contained page about one flight, without network or scripts. Drawn from a FlightRecord."""
+"""report.html: one self-contained page about one flight or replay, without network. Drawn from a FlightRecord.
+
+First what it came to and what to look at, then paths (3-D, from above, from the side), errors with their bounds, detection with
+sample frames, asked against flown, delays, health. Where the truth is not known, paths are as Companion believed them.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 from html import escape
+from itertools import pairwise
 from typing import Any
 
 from companion.messages import Phase
-from companion.telemetry.flight_record import FlightRecord, Series
+from companion.telemetry.filmstrip import filmstrip_html
+from companion.telemetry.findings import NIS_95, look_first, phase_spans
+from companion.telemetry.flight_record import FlightRecord, Series, Values
+from companion.telemetry.scene3d import paths, scene_html
 from companion.telemetry.svg_plot import Band, Chart, Line, svg
 
 BLUE, ORANGE, GREEN, RED, GREY = "#2563eb", "#ea580c", "#16a34a", "#dc2626", "#94a3b8"
@@ -37,6 +45,10 @@ svg text{font:11px system-ui,sans-serif;fill:#475569}svg .title{font-weight:600;
 svg .legend{font-weight:600}svg .band{fill:#64748b;font-size:10px}svg .grid{stroke:#e2e8f0;stroke-width:1}
 table{border-collapse:collapse;font-size:14px}td,th{padding:3px 14px 3px 0;text-align:left;vertical-align:top}
 th{color:#64748b;font-weight:500}code{font-size:13px}
+.scene canvas{border:1px solid #e2e8f0;border-radius:8px;cursor:grab}.row{display:flex;gap:12px;align-items:center}
+.note{color:#64748b;font-size:13px;margin:2px 0}.strip{display:flex;flex-wrap:wrap;gap:6px}figure{margin:0}
+figcaption{font-size:11px;color:#64748b}img{border:2px solid #cbd5e1;border-radius:4px;display:block}img.seen{border-color:#16a34a}
+.level2{color:#b91c1c;font-weight:600}
 """
 
 SVG_STYLE = (
@@ -44,15 +56,24 @@ SVG_STYLE = (
 )
 
 
+MOST_ROWS = 200
+
+
 def report_html(record: FlightRecord, figures: Mapping[str, Any], *, title: str, line: str) -> str:
     """The whole page."""
-    good = figures.get("outcome") == "landed"
+    good = figures.get("outcome") in ("landed", "guided", "replayed")
     return f"""<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><title>{escape(title)}</title><style>{STYLE}</style></head><body>
 <h1>{escape(title)}</h1>
 <p class="verdict{"" if good else " bad"}">{escape(line)}</p>
-<h2>Path</h2><div class="grid2">{svg(_plan_view(record))}{svg(_side_view(record))}</div>
-<h2>Against the pad</h2><div class="grid2">{"".join(svg(chart) for chart in _relative_charts(record))}</div>
+<h2>What to look at first</h2>{_looks(record, figures)}
+<h2>Path</h2>{scene_html(record)}<div class="grid2">{svg(_plan_view(record))}{svg(_side_view(record))}</div>
+<h2>Against the pad</h2><div class="grid2">{_charts(_relative_charts(record))}</div>
+<h2>Estimate: errors and innovations with their bounds</h2><div class="grid2">{_charts(_estimate_charts(record))}</div>
+<h2>Detection</h2><div class="grid2">{svg(_detection_chart(record))}</div>{filmstrip_html(record)}
+<h2>Setpoints against response</h2><div class="grid2">{_charts(_response_charts(record))}</div>
+<h2>Delays</h2><div class="grid2">{_charts(_delay_charts(record))}</div>
+<h2>Health</h2>{_health_table(record)}
 <h2>Phases</h2>{_phase_table(record)}
 <h2>Requests to the autopilot</h2>{_request_table(record)}
 <h2>Figures</h2>{_figure_table(figures)}
@@ -61,40 +82,60 @@ def report_html(record: FlightRecord, figures: Mapping[str, Any], *, title: str,
 
 
 def _bands(record: FlightRecord) -> tuple[Band, ...]:
-    ends = [start for start, _, _ in record.phases[1:]] + [record.end_s]
     return tuple(
-        Band(start, end, str(phase), PHASE_COLOURS.get(phase, "#ffffff"))
-        for (start, phase, _), end in zip(record.phases, ends, strict=True)
+        Band(start, end, str(phase), PHASE_COLOURS.get(phase, "#ffffff")) for start, end, phase in phase_spans(record)
     )
+
+
+def _charts(charts: list[Chart]) -> str:
+    return "".join(svg(chart) for chart in charts)
+
+
+def _looks(record: FlightRecord, figures: Mapping[str, Any]) -> str:
+    looks = look_first(record, figures)
+    if not looks:
+        return "<p>Nothing stands out.</p>"
+    items = (f"<li{_emphasis(look.weight >= 3)}>{escape(look.text)}</li>" for look in looks)
+    return f"<ol>{''.join(items)}</ol>"
+
+
+def _emphasis(wanted: bool) -> str:
+    return ' class="level2"' if wanted else ""
 
 
 def _plan_view(record: FlightRecord) -> Chart:
     """From above: east to the right, north up."""
+    vehicle, pad = paths(record)
     return Chart(
-        title="From above (true)",
+        title=f"From above ({_known(record)})",
         x_label="east, m",
         y_label="north, m",
         equal=True,
         lines=(
-            Line("pad", ORANGE, record.true_pad.axis(1), record.true_pad.axis(0)),
-            Line("vehicle", BLUE, record.true_vehicle.axis(1), record.true_vehicle.axis(0)),
-            Line("touchdown", RED, record.true_vehicle.axis(1)[-1:], record.true_vehicle.axis(0)[-1:], dots=True),
+            Line("pad", ORANGE, pad.axis(1), list(pad.axis(0))),
+            Line("vehicle", BLUE, vehicle.axis(1), list(vehicle.axis(0))),
+            Line("end", RED, vehicle.axis(1)[-1:], list(vehicle.axis(0)[-1:]), dots=True),
         ),
     )
 
 
 def _side_view(record: FlightRecord) -> Chart:
     """From the side: height over time."""
+    vehicle, pad = paths(record)
     return Chart(
-        title="From the side (true)",
+        title=f"From the side ({_known(record)})",
         x_label="time, s",
         y_label="height, m",
         bands=_bands(record),
         lines=(
-            Line("pad", ORANGE, record.true_pad.t_s, [-z for z in record.true_pad.axis(2)]),
-            Line("vehicle", BLUE, record.true_vehicle.t_s, [-z for z in record.true_vehicle.axis(2)]),
+            Line("pad", ORANGE, pad.t_s, [-z for z in pad.axis(2)]),
+            Line("vehicle", BLUE, vehicle.t_s, [-z for z in vehicle.axis(2)]),
         ),
     )
+
+
+def _known(record: FlightRecord) -> str:
+    return "true" if record.true_vehicle.t_s else "as believed"
 
 
 def _relative_charts(record: FlightRecord) -> list[Chart]:
@@ -123,6 +164,12 @@ def _relative_charts(record: FlightRecord) -> list[Chart]:
             bands,
             y_range=(0.0, 3.0),
         ),
+    ]
+
+
+def _response_charts(record: FlightRecord) -> list[Chart]:
+    bands = _bands(record)
+    return [
         *(
             Chart(
                 f"Velocity {name}: asked and flown",
@@ -136,19 +183,91 @@ def _relative_charts(record: FlightRecord) -> list[Chart]:
             )
             for axis, name in enumerate(("north", "east", "down"))
         ),
-        Chart(
-            "Detection",
-            "time, s",
-            "",
-            (
-                Line("seen", GREEN, record.seen_s, [1.0] * len(record.seen_s), dots=True),
-                Line("not seen", GREY, record.not_seen_s, [0.0] * len(record.not_seen_s), dots=True),
-                Line("rejected", RED, record.rejected_s, [0.5] * len(record.rejected_s), dots=True),
-            ),
-            bands,
-            y_range=(-0.5, 1.5),
-        ),
     ]
+
+
+def _estimate_charts(record: FlightRecord) -> list[Chart]:
+    """Errors of what is believed, where the truth is known, with three sigma; innovations squared with their 95 % bound."""
+    bands, sigma = _bands(record), record.pad_sigma_m
+    t_s, errors = estimate_errors(record)
+    bound = Line("3 sigma", ORANGE, sigma.t_s, [3.0 * value for value in sigma.values])
+    error = Chart(
+        "Error of the pad's place against the vehicle" if errors else "Uncertainty of the pad's place",
+        "time, s",
+        "m",
+        (Line("true error", BLUE, t_s, list(errors)), bound) if errors else (bound,),
+        bands,
+        y_range=(0.0, 3.0),
+    )
+    return [error, *(_innovation_chart(key, series, bands) for key, series in sorted(record.nis.items()))]
+
+
+def estimate_errors(record: FlightRecord) -> tuple[list[float], list[float]]:
+    """Horizontal distance between believed and true relative position at the times of the truth, m."""
+    times, errors, index, believed = [], [], 0, record.relative
+    for i, t_s in enumerate(record.true_vehicle.t_s):
+        while index + 1 < len(believed.t_s) and believed.t_s[index + 1] <= t_s:
+            index += 1
+        if index < len(believed.t_s) and abs(believed.t_s[index] - t_s) < 0.03:
+            vehicle, pad = record.true_vehicle.values[i], record.true_pad.values[i]
+            known = believed.values[index]
+            times.append(t_s)
+            errors.append(math.hypot(vehicle[0] - pad[0] - known[0], vehicle[1] - pad[1] - known[1]))
+    return times, errors
+
+
+def _innovation_chart(key: tuple[str, int], series: Values, bands: tuple[Band, ...]) -> Chart:
+    source, components = key
+    bound = NIS_95.get(components, 0.0)
+    span = (series.t_s[:1] + series.t_s[-1:]) or [0.0, 1.0]
+    return Chart(
+        f"Innovations of {source}: squared over variance, {components} components",
+        "time, s",
+        "",
+        (
+            Line("each", BLUE, series.t_s, list(series.values), dots=True),
+            Line("95 %", ORANGE, span, [bound] * len(span), dashed=True),
+        ),
+        bands,
+        y_range=(0.0, 16.0),
+    )
+
+
+def _detection_chart(record: FlightRecord) -> Chart:
+    return Chart(
+        "Frames, and measurements rejected",
+        "time, s",
+        "",
+        (
+            Line("seen", GREEN, record.seen_s, [1.0] * len(record.seen_s), dots=True),
+            Line("not seen", GREY, record.not_seen_s, [0.0] * len(record.not_seen_s), dots=True),
+            Line("rejected", RED, record.rejected_s, [0.5] * len(record.rejected_s), dots=True),
+        ),
+        _bands(record),
+        y_range=(-0.5, 1.5),
+    )
+
+
+def _delay_charts(record: FlightRecord) -> list[Chart]:
+    """From when it was true to when it was handled; and from one setpoint to the next."""
+    bands, sent = _bands(record), record.setpoint.t_s
+    charts = [
+        Chart(f"How late: {kind}", "time, s", "ms", (Line("", BLUE, v.t_s, [1e3 * s for s in v.values]),), bands)
+        for kind, v in sorted(record.delays_s.items())
+    ]
+    gaps_ms: list[float | None] = [1e3 * min(b - a, 0.2) for a, b in pairwise(sent)]
+    gaps = Line("", BLUE, sent[1:], gaps_ms)
+    return [*charts, Chart("From one setpoint to the next", "time, s", "ms", (gaps,), bands, y_range=(0.0, 60.0))]
+
+
+def _health_table(record: FlightRecord) -> str:
+    if not record.health:
+        return "<p>No warning.</p>"
+    rows = "".join(
+        f"<tr{_emphasis(health.level >= 2)}><td>{t_s:.2f} s</td><td>{escape(health.subject)}</td><td>{escape(health.text)}</td></tr>"
+        for t_s, health in record.health[:MOST_ROWS]
+    )
+    return f"<table>{rows}</table>"
 
 
 def _horizontal(series: Series) -> list[float | None]:

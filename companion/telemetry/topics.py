@@ -105,7 +105,9 @@ TOPICS = (
     ),
     Topic("status", "out", VehicleStatus, 2.0, True, 0, "mode, armed, landed, battery, age of the link"),
     Topic("setpoint", "out", VelocitySetpoint, 5.0, False, 0, "a sample of what is asked of the autopilot"),
-    Topic("report", "out", PadReport, 5.0, False, 0, "guidance only: a sample of what the autopilot is told of the pad"),
+    Topic(
+        "report", "out", PadReport, 5.0, False, 0, "guidance only: a sample of what the autopilot is told of the pad"
+    ),
     Topic("plan", "out", PlanMade, 1.0, False, 0, "a sample of the plans"),
     Topic("phase", "out", PhaseChanged, None, True, 1, "every change of phase, with its reason"),
     Topic("health/{subject}", "out", Health, None, True, 1, "a condition: 0 fine, 1 warn, 2 fail"),
