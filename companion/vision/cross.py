@@ -36,6 +36,10 @@ _REFITS = 2
 """Rounds of matching the outline to the circle."""
 _DECK_CANDIDATES = 3
 _RANSAC_PX = 2.0
+_RING_CONTRAST = 12.0
+"""Grey levels between the ring and the white around it, on the average: far away it is not much."""
+_DECK_CONTRAST = 40.0
+"""Grey levels between a white deck and the ground beside it."""
 
 _RAYS = 48
 _TURN = np.arange(_RAYS) * (2.0 * math.pi / _RAYS)
@@ -134,9 +138,25 @@ class CrossDetector:
             side = np.linalg.norm(quads[:, 0] - quads[:, 2], axis=1)
             for quad in quads[np.argsort(-side)][:_DECK_CANDIDATES]:
                 corners = self._deck_corners(negative, _unshrunk(quad[None], part, shrink), shrink)
-                if corners is not None:
+                if corners is not None and self._is_deck(grey, corners):
                     return self._deck_P, corners
         return None
+
+    def _is_deck(self, grey: Image, corners: Array) -> bool:
+        """Whether a quadrangle is the deck: darker where the ring must be than around it or, where the tag is soiled, white
+        against the ground all along its border. Grass has pale quadrangles too."""
+        H = cv2.getPerspectiveTransform(self._deck_P[:, :2].astype(np.float32), corners.astype(np.float32))
+        radii = self._tag.size_m * np.array([0.45, 0.53])  # middle of the ring, and the white outside it
+        rings_P = radii[:, None, None] * _CIRCLE[None] + self._tag.position_m
+        ring, around = _levels(grey, rings_P, H)
+        if float(around.mean() - ring.mean()) > _RING_CONTRAST:
+            return True
+        middle = self._deck_P[:, :2].mean(axis=0)
+        border = np.concatenate(
+            [np.linspace(a, b, 12) for a, b in itertools.pairwise([*self._deck_P, self._deck_P[0]])]
+        )
+        within, beyond = _levels(grey, middle + np.array([0.93, 1.1])[:, None, None] * (border[:, :2] - middle), H)
+        return float(np.mean(within - beyond > _DECK_CONTRAST)) > 0.9
 
     def _deck_corners(self, negative: Image, quad: Array, shrink: int) -> Array | None:
         good = np.zeros(1, dtype=bool)
@@ -229,8 +249,7 @@ def refined_outline(grey: Image, centre: Array, axes: Array) -> Array:
     reach = min(6.0, max(2.0, 0.06 * math.sqrt(abs(float(np.linalg.det(axes))))))
     weight = np.ones(_RAYS)
     for reach_px in (reach, 2.0, 2.0):  # from the edge itself, so that the window cuts nothing off on one side
-        offsets = edges.offsets_within(np.array([reach_px]))
-        weights, places = edges.edge_places(grey, feet[None, None], normal[None, None], offsets)
+        weights, places = edges.edge_places(grey, feet[None, None], normal[None, None], np.array([reach_px]))
         weight, feet = weights[0, 0], feet + normal * places[0, 0][:, None]
     return np.asarray(feet[weight > 0.1 * np.median(weight)])
 
@@ -263,6 +282,12 @@ def nearest_quarter_turn(q_CP: Quaternion, predicted: Quaternion) -> Quaternion:
     best = min((R @ turn for turn in turns), key=lambda M: pose.rotation_angle(target.T @ M))
     a, b, c = ((float(row[0]), float(row[1]), float(row[2])) for row in best)
     return quaternion_from_matrix((a, b, c))
+
+
+def _levels(grey: Image, points_P: Array, H: cv2.typing.MatLike) -> Array:
+    """Grey levels (A, N) at points (A, N, 2) of the pad's plane, which H maps to the image."""
+    pixels = cv2.perspectiveTransform(points_P.reshape(-1, 1, 2), H).reshape(points_P.shape).astype(np.float32)
+    return np.asarray(cv2.remap(grey, pixels[..., 0], pixels[..., 1], cv2.INTER_LINEAR), dtype=np.float64)
 
 
 def _stretch(axes: Array) -> Array:
