@@ -63,21 +63,22 @@ def marker_corners_P(size, centre=(0.0, 0.0), yaw=0.0):
     return [(centre[0] + size * (c * x - s * y), centre[1] + size * (s * x + c * y), 0.0) for x, y in square]
 
 
-def edge_offsets(image, corners_px, inset=0.08):
+def edge_offsets(image, corners_px, inset=0.08, reach_px=REACH_PX, level_px=LEVEL_PX):
     """Mean distance (4,) in pixels between the drawn edges and the straight lines through the corners, positive outward."""
     middle = np.mean(corners_px, axis=0)
     edges = zip(corners_px, np.roll(corners_px, -1, axis=0), strict=True)
-    return np.array([edge_offset(image, a + inset * (b - a), b - inset * (b - a), middle) for a, b in edges])
+    spans = [(a + inset * (b - a), b - inset * (b - a)) for a, b in edges]
+    return np.array([edge_offset(image, a, b, middle, reach_px, level_px) for a, b in spans])
 
 
-def edge_offset(image, a, b, inside):
+def edge_offset(image, a, b, inside, reach_px=REACH_PX, level_px=LEVEL_PX):
     """Mean distance in pixels between a drawn edge and the line from a to b, positive away from the dark point `inside`."""
     normal = np.array([b[1] - a[1], a[0] - b[0]]) / np.hypot(*(b - a))
     normal *= np.sign(normal @ ((a + b) / 2 - inside))
-    return np.mean(list(_offsets_along(image, a, b, normal)))
+    return np.mean(list(_offsets_along(image, a, b, normal, reach_px, level_px)))
 
 
-def _offsets_along(image, a, b, normal):
+def _offsets_along(image, a, b, normal, reach_px, level_px):
     """One measurement for each row or column that crosses the edge: the dark length inside, by area, over the expected one."""
     axis = int(abs(normal[1]) > abs(normal[0]))
     sign = 1 if normal[axis] > 0 else -1
@@ -86,11 +87,11 @@ def _offsets_along(image, a, b, normal):
         share = (line - a[1 - axis]) / (b[1 - axis] - a[1 - axis])
         expected = a[axis] + share * (b[axis] - a[axis])
         start = round(expected)
-        along = start + sign * np.arange(-REACH_PX, REACH_PX + 1)
+        along = start + sign * np.arange(-reach_px, reach_px + 1)
         if line < 0 or line >= image.shape[axis] or along.min() < 0 or along.max() >= image.shape[1 - axis]:
             continue
         profile = (image[line, along] if axis == 0 else image[along, line]).astype(float)
-        dark, bright = profile[: REACH_PX + 1 - LEVEL_PX].mean(), profile[REACH_PX + LEVEL_PX :].mean()
+        dark, bright = profile[: reach_px + 1 - level_px].mean(), profile[reach_px + level_px :].mean()
         inside = np.clip((bright - profile) / (bright - dark), -0.2, 1.2).sum()
-        measured = start + sign * (inside - REACH_PX - 0.5)
+        measured = start + sign * (inside - reach_px - 0.5)
         yield (measured - expected) * sign * abs(normal[axis])
