@@ -33,6 +33,7 @@ from companion.io.tlog import TlogWriter
 from companion.messages import (
     Health,
     Image,
+    Message,
     OperatorAction,
     OperatorCommand,
     PadBeacon,
@@ -90,6 +91,8 @@ class LiveCounters:
     frames_with_pad: int = 0
     frames_dropped: int = 0
     first_sight_ns: int | None = None
+    started_ns: int | None = None
+    """The first START, by whomever."""
     setpoint_sent_ns: list[int] = field(default_factory=list)
     frame_to_setpoint_ns: list[int] = field(default_factory=list)
     frame_waiting_ns: int | None = None
@@ -211,6 +214,8 @@ class LiveApp:
             for sink in self._sinks:
                 sink.datagram(now_ns, data, outgoing=True)
         entries = self.onboard.take_journal()
+        if self.counters.started_ns is None:
+            self.counters.started_ns = next((e.message.t_ns for e in entries if _is_start(e.message)), None)
         if any(isinstance(entry.message, VelocitySetpoint) for entry in entries):
             self.counters.note_setpoint(time.monotonic_ns())
         for sink in self._sinks:
@@ -289,6 +294,10 @@ class LiveApp:
             self.counters.frames_with_pad += 1
             if self.counters.first_sight_ns is None:
                 self.counters.first_sight_ns = detection.t_ns
+
+
+def _is_start(message: Message) -> bool:
+    return isinstance(message, OperatorCommand) and message.action is OperatorAction.START
 
 
 def _arrival_watch(config: Config, name: str) -> ArrivalWatch:

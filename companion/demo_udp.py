@@ -101,6 +101,7 @@ def _figures(app: LiveApp, ending: Mapping[str, Any], options: DemoOptions, wall
     phase = app.onboard.pipeline.phase
     given_up = "held" if phase in (Phase.IDLE, Phase.HOLD, Phase.RETURN) else "timeout"
     counters = app.counters
+    touchdown_ns = _companion_ns(app, ending.get("touchdown_s"))
     return {
         "outcome": {"on_pad": "landed", "flying": given_up, "timeout": given_up}.get(name, name),
         "seed": options.seed,
@@ -110,8 +111,9 @@ def _figures(app: LiveApp, ending: Mapping[str, Any], options: DemoOptions, wall
         "touchdown_error_m": ending.get("touchdown_error_m"),
         "touchdown_relative_speed_horizontal_m_s": ending.get("touchdown_relative_speed_horizontal_m_s"),
         "touchdown_relative_speed_vertical_m_s": ending.get("touchdown_relative_speed_vertical_m_s"),
-        "time_to_touchdown_s": ending.get("touchdown_s"),
-        "simulated_s": ending.get("simulated_s", wall_s),
+        "time_to_touchdown_s": _since(counters.started_ns, touchdown_ns),
+        "first_sight_to_touchdown_s": _since(counters.first_sight_ns, touchdown_ns),
+        "simulated_s": round(ending.get("t_s", wall_s), 3),
         "wall_s": round(wall_s, 3),
         "real_time_factor": 1.0,
         "forced_disarm_in_air": ending.get("forced_disarm_in_air", False),
@@ -124,6 +126,15 @@ def _figures(app: LiveApp, ending: Mapping[str, Any], options: DemoOptions, wall
         "setpoint_timing_ms": timing_ms(counters.setpoint_sent_ns, app.period_ns),
         "frame_to_setpoint_ms": _percentiles_ms(counters.frame_to_setpoint_ns),
     }
+
+
+def _companion_ns(app: LiveApp, boot_s: float | None) -> int | None:
+    """An instant of the simulator, whose clock is the autopilot's, on the companion's clock."""
+    return None if boot_s is None else app.onboard.session.companion_ns_from_boot_us(round(boot_s * 1e6))
+
+
+def _since(began_ns: int | None, ended_ns: int | None) -> float | None:
+    return None if began_ns is None or ended_ns is None else round((ended_ns - began_ns) / 1e9, 3)
 
 
 def timing_ms(sent_ns: list[int], period_ns: int) -> dict[str, float]:
