@@ -205,9 +205,10 @@ class Mission(_Section, frozen=True):
     drifting with the pad's last known velocity, `lost_action` what follows a search that found nothing; `commit_heave_m_s`
     and `commit_deck_tilt_deg` say which motion of the deck may be touched. `sight = "beacon"` lets the pad's own report stand
     in for the camera: only where both positions are good to decimetres (RTK, a hall with localisation). `follow_to_the_end`
-    lets the descent begin only when the plan to above the pad has been flown to its end. `follow_behind_m` puts the place to wait for the
-    descent behind the pad instead of above it, for a camera that looks forward at an upright marker. `sight_lost_action`
-    is what follows a descent without sight: climb and try again, or the autopilot's Hold until the pad is seen again."""
+    lets the descent begin only when the plan to above the pad has been flown to its end. `follow_behind_m` puts the place to
+    wait for the descent behind the pad instead of above it, for a camera that looks forward at an upright marker.
+    `sight_lost_action` is what follows a descent without sight: climb and try again, or the autopilot's Hold until the pad is
+    seen again."""
 
     start_wait_s: NonNegative = 5.0
     sight: Literal["camera", "beacon"] = "camera"

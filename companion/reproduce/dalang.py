@@ -71,28 +71,31 @@ def reproduce(quick: bool) -> Reproduction:
 
 
 ERRATA = (
-    "Eq. (9) prints the factor j - 1 for the derivative of a basis function of degree j; it is j. With j - 1 the velocity "
-    "references would be two thirds of the curve's own (rows of the curve below).",
-    "Algorithm 1 adds the pad's pose in the drone's frame to the drone's pose for P3, and takes dx, dy as absolute values that "
-    "it then subtracts where needed: the points are the ones used here, a quarter and three quarters of the way.",
-    "Algorithm 2 compares the tracked pose with the landing threshold and computes a distance that it does not use; equation "
-    "(17) and the text say that the horizontal distance counts, and that is what is flown.",
+    "Eq. (9) prints the factor j - 1 for the derivative of a basis function of degree j; it is j. With j - 1 the "
+    "velocity references would be two thirds of the curve's own (rows of the curve below).",
+    "Algorithm 1 adds the pad's pose in the drone's frame to the drone's pose for P3, and takes dx, dy as absolute "
+    "values that it then subtracts where needed: the points are the ones used here, a quarter and three quarters of"
+    " the way.",
+    "Algorithm 2 compares the tracked pose with the landing threshold and computes a distance that it does not use;"
+    " equation (17) and the text say that the horizontal distance counts, and that is what is flown.",
 )
 
 NOTES = (
-    "Not printed and chosen here: a clearance of 0.5 m; where the vehicle starts (3 m up, 7 m from the pad); where the pad goes "
-    "(towards the vehicle); how long a curve takes (9 s, 112 samples of 0.08 s, or what 1 m/s takes where that is longer); the pad's speed in "
-    "Table I (0.1 m/s) and the threshold in Table II (1.0 m). With these one setting gives the six verdicts of the print.",
-    "A curve is made to where the pad stands and stays there over the ground. It is made anew when the pad has moved by the "
-    "threshold. A pad at v has moved by 9 s v when a curve ends: 0.9 m at 0.1 m/s, which is more than 0.2 and 0.8 m and less "
-    "than 1.0 m; 1.8 m at 0.2 m/s. So only with 1.0 m and 0.1 m/s does a curve ever end while the pad moves, and without its "
-    "end there is no landing.",
-    "After its end the regulator goes for the pad itself and trails it by (1 + kd) / kp = 1.59 s of its motion, 0.16 m at 0.1 "
-    "m/s: more than the 0.1 m within which it may land. Success needs a pad that comes towards the vehicle, which is then "
-    "within 0.1 m while it passes; with a pad that drives away or across the same settings land only when it stands (rows "
-    "below).",
-    "The pad drives for 70 s (20 s at 1.0 m/s), then stops. Rover and vehicle know their places without error and there is no "
-    "wind, as in the paper. The vehicle is the simulator's default quadrotor; its range sensor serves the proof of touchdown.",
+    "Not printed and chosen here: a clearance of 0.5 m; where the vehicle starts (3 m up, 7 m from the pad); where "
+    "the pad goes (towards the vehicle); how long a curve takes (9 s, 112 samples of 0.08 s, or what 1 m/s takes "
+    "where that is longer); the pad's speed in Table I (0.1 m/s) and the threshold in Table II (1.0 m). With these "
+    "one setting gives the six verdicts of the print.",
+    "A curve is made to where the pad stands and stays there over the ground. It is made anew when the pad has "
+    "moved by the threshold. A pad at v has moved by 9 s v when a curve ends: 0.9 m at 0.1 m/s, which is more than "
+    "0.2 and 0.8 m and less than 1.0 m; 1.8 m at 0.2 m/s. So only with 1.0 m and 0.1 m/s does a curve ever end "
+    "while the pad moves, and without its end there is no landing.",
+    "After its end the regulator goes for the pad itself and trails it by (1 + kd) / kp = 1.59 s of its motion, "
+    "0.16 m at 0.1 m/s: more than the 0.1 m within which it may land. Success needs a pad that comes towards the "
+    "vehicle, which is then within 0.1 m while it passes; with a pad that drives away or across the same settings "
+    "land only when it stands (rows below).",
+    "The pad drives for 70 s (20 s at 1.0 m/s), then stops. Rover and vehicle know their places without error and "
+    "there is no wind, as in the paper. The vehicle is the simulator's default quadrotor; its range sensor serves "
+    "the proof of touchdown.",
     "The default pipeline flies the same worlds with its own configuration: camera, nested ArUco marker, beacon.",
     "Seed 1 for every flight; what is left at random is the rover's wobble and the camera's noise. One flight a case.",
 )

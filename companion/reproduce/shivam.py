@@ -84,24 +84,27 @@ FLIGHTS = {"still": 0.0, "moving at 0.5 m/s": 0.5, "moving at 1.0 m/s": 1.0}
 """The pad, and its speed, m/s."""
 
 ERRATA = (
-    "The slopes below (21) are printed as -tan(chi). Table IV agrees with +tan(chi) only: with -tan, P2 for -170 deg would be (0, "
-    "11.76) and not (0, 8.24). Directions are used instead of slopes: +-90 deg has none.",
-    "The division in (22) and (23), (a P2 + P0) / (a + 1), gives the midpoints for a = 1, not for the stated a = 0.5, and cannot "
-    "pass the midpoint. Table II is P1 = P0 + a (P2 - P0), P3 = P2 + a (P4 - P2), which is used.",
+    "The slopes below (21) are printed as -tan(chi). Table IV agrees with +tan(chi) only: with -tan, P2 for -170 "
+    "deg would be (0, 11.76) and not (0, 8.24). Directions are used instead of slopes: +-90 deg has none.",
+    "The division in (22) and (23), (a P2 + P0) / (a + 1), gives the midpoints for a = 1, not for the stated a = "
+    "0.5, and cannot pass the midpoint. Table II is P1 = P0 + a (P2 - P0), P3 = P2 + a (P4 - P2), which is used.",
     "Table III, first row, prints P1 = (0, 15), which is P2; the midpoint is (5, 15).",
     "The text of case 4 says a = 0.1; its table has midpoints, a = 0.5, as here.",
 )
 NOTES = (
-    "Arc lengths and peak curvatures are shown as curves in the paper, without numbers; the column `printed` of those two tables "
-    "holds values computed from the formulas beforehand with 20 001 samples, independently of this program.",
-    f"Not printed and chosen here: the gain of the heading loop, k = {GAIN_HZ:g} 1/s; 2^{TABLE_LEVELS} sub-intervals of the arc "
-    f"length table; steps of {STEP_S * 1e3:g} ms (RK4).",
-    "The loop follows the heading and never looks at the position: it ends beside the pad by V / k times the difference of the "
-    f"end directions, {math.sqrt(2.0) / GAIN_HZ * SPEED_M_S:.3f} m for a right angle. Distances left are of that size, and fall with 1 / k.",
-    "Flights are simulated: the default quadrotor, configs/papers/shivam.toml, seed 1, one flight each, without wind and with "
-    "positions known without error. The curve is flown from rest to rest over the pad, 17 m in 17 s, at an even glide to 1.2 "
-    "m above the deck, and straight down from there; the paper has constant speed in a plane. The moving pad drives north, so "
-    "that the vehicle, hovering at first, already moves at -180 deg as seen from it; the curve moves with the pad.",
+    "Arc lengths and peak curvatures are shown as curves in the paper, without numbers; the column `printed` of "
+    "those two tables holds values computed from the formulas beforehand with 20 001 samples, independently of this"
+    " program.",
+    f"Not printed and chosen here: the gain of the heading loop, k = {GAIN_HZ:g} 1/s; 2^{TABLE_LEVELS} sub-intervals"
+    f" of the arc length table; steps of {STEP_S * 1e3:g} ms (RK4).",
+    "The loop follows the heading and never looks at the position: it ends beside the pad by V / k times the "
+    f"difference of the end directions, {math.sqrt(2.0) / GAIN_HZ * SPEED_M_S:.3f} m for a right angle. Distances "
+    "left are of that size, and fall with 1 / k.",
+    "Flights are simulated: the default quadrotor, configs/papers/shivam.toml, seed 1, one flight each, without "
+    "wind and with positions known without error. The curve is flown from rest to rest over the pad, 17 m in 17 s, "
+    "at an even glide to 1.2 m above the deck, and straight down from there; the paper has constant speed in a "
+    "plane. The moving pad drives north, so that the vehicle, hovering at first, already moves at -180 deg as seen "
+    "from it; the curve moves with the pad.",
 )
 
 

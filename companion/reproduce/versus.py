@@ -37,14 +37,15 @@ MEASURES = (
 )
 
 NOTES = (
-    "Simulated flights. Per scene and seed one by each side; the same world but for what the default pipeline looks at: its own "
-    "nested marker (configs/pads) under its own camera that looks down, where the paper has another or none. Its configuration is "
-    "the default one, with nothing set for any paper.",
-    "Success: stands on the deck at the end, motors off, whether the pad still moves or not. The other figures are medians over "
-    "the landings. Jerk: root mean square from start to touchdown of the true motion, by second differences of the velocity at 20 "
-    "Hz. It rewards slowness: a preset that takes three times as long has less of it.",
-    "Energy from start to touchdown by the power model of `guo`, P = 1/2 C_D A rho v^3 + sqrt((m g)^3 / (2 pi r^2 rho)), with the airframe's mass "
-    "and drag, speed over ground, and propellers of 10 inches.",
+    "Simulated flights. Per scene and seed one by each side; the same world but for what the default pipeline looks"
+    " at: its own nested marker (configs/pads) under its own camera that looks down, where the paper has another or"
+    " none. Its configuration is the default one, with nothing set for any paper.",
+    "Success: stands on the deck at the end, motors off, whether the pad still moves or not. The other figures are "
+    "medians over the landings. Jerk: root mean square from start to touchdown of the true motion, by second "
+    "differences of the velocity at 20 Hz. It rewards slowness: a preset that takes three times as long has less of"
+    " it.",
+    "Energy from start to touchdown by the power model of `guo`, P = 1/2 C_D A rho v^3 + sqrt((m g)^3 / (2 pi r^2 "
+    "rho)), with the airframe's mass and drag, speed over ground, and propellers of 10 inches.",
 )
 
 
