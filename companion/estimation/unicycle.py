@@ -1,4 +1,5 @@
-"""The non-holonomic platform EKF of Falanga et al. (2017): x = (px, py, pz, theta, v), measured by a 3-D position.
+"""The non-holonomic platform EKF of Falanga et al. (2017): x = (px, py, pz, theta, v), measured by a 3-D position,
+and near the deck by the range sensor, as the paper does it.
 
     px' = v cos(theta)    py' = v sin(theta)    pz' = 0    theta' = u1    v' = u2    with u1 = u2 = 0
 
@@ -76,7 +77,7 @@ class UnicycleSettings:
     """Process noise as variance gained per second, and the gate of one component in standard deviations."""
 
     position_psd: float = 1e-4
-    height_psd: float = 1e-3
+    height_psd: float = 0.01
     theta_psd: float = 0.05
     speed_psd: float = 0.2
     gate_sigmas: float = 3.29
@@ -116,7 +117,9 @@ class UnicycleTrack:
 
     def fuse(self, m: PadMeasurement) -> MeasurementVerdict:
         if m.position_o_m is None or m.covariance_m2 is None:
-            return MeasurementVerdict(m.t_ns, m.source, accepted=False, reason="this filter takes positions only")
+            if m.height_o_m is not None:
+                return self._fuse_height(m, m.height_o_m)
+            return MeasurementVerdict(m.t_ns, m.source, accepted=False, reason="this filter takes positions and ranges only")
         variance = [m.covariance_m2[i][i] + 1e-4 + (m.bias_sigma_m**2 if m.source in BIASED else 0.0) for i in range(3)]
         y = [m.position_o_m[i] - float(self.x[i]) for i in range(3)]
         nis = sum(y[i] * y[i] / (float(self.P[6 * i]) + variance[i]) for i in range(3))
@@ -130,13 +133,25 @@ class UnicycleTrack:
         reason = "outside gate: " + ", ".join(lost) if lost else "fused"
         return MeasurementVerdict(m.t_ns, m.source, any(kept), reason, nis=nis, innovation=tuple(y))
 
+    def _fuse_height(self, m: PadMeasurement, down_m: float) -> MeasurementVerdict:
+        """The range sensor's distance to the deck, which the paper lands by."""
+        R = m.height_sigma_m**2
+        y = down_m - float(self.x[2])
+        S = float(self.P[12]) + R
+        accepted = self._judge(m, 2, y, R) is not Decision.REJECT
+        if accepted:
+            update_position(self.x, self.P, room([0.0] * 5), 0.0, 0.0, down_m, 0.0, 0.0, R)
+        reason = "fused" if accepted else "outside gate: down"
+        return MeasurementVerdict(m.t_ns, m.source, accepted, reason, nis=y * y / S, innovation=(y,))
+
     def _judge(self, m: PadMeasurement, axis: int, y: float, R: float) -> Decision:
         gate = self.gates.setdefault((m.source, AXES[axis]), AxisGate())
         S = float(self.P[6 * axis]) + R
         decision = judge(gate, t_ns=m.t_ns, y=y, S=S, R=R, limit=self.settings.gate_sigmas)
         if decision is Decision.REACQUIRE:
             self.P[6 * axis] += y * y
-            self.first, self.first_ns = m.position_o_m, m.t_ns
+            if axis < 2:
+                self.first, self.first_ns = m.position_o_m, m.t_ns
         return decision
 
     def _learn_direction(self, t_ns: int, z: Vec3) -> None:
