@@ -25,7 +25,8 @@ FLYING = (Phase.DESCEND, Phase.COMMIT)
 ALIGNED_DEG = 3.0
 TURNED_DEG = 15.0
 HIDDEN_FROM_S, HIDDEN_S = 7.0, 3.0
-COVERED = {"kind": "marker_covered", "start_s": HIDDEN_FROM_S, "duration_s": HIDDEN_S}
+COVERED = {"kind": "camera_blackout", "start_s": HIDDEN_FROM_S, "duration_s": HIDDEN_S}
+"""The paper holds a hand before the lens; the simulator's sheet covers markers on the deck only."""
 
 
 @dataclass(frozen=True, slots=True)
