@@ -1,11 +1,11 @@
-"""Writes the results table of the README and docs/results.md from finished campaigns.
+"""Writes docs/results.md and the results table of the README from flown campaigns.
 
-    companion campaign configs/campaigns/first-landing.toml        # flies what is missing
+    companion campaign configs/campaigns/first-landing.toml [--seeds 100]        # flies what is missing
     python docs/make_results.py COMMIT configs/campaigns/first-landing.toml [more.toml ...]
 
-COMMIT is the one that was checked out when the flights were flown.
-
-Each file's results are read from runs/campaign-<name>. Nothing here is typed by hand; a campaign that is not complete is refused.
+COMMIT is the one that was checked out when the flights were flown. Each file's results are read from runs/campaign-<name>; what
+counts is the first so many seeds that every combination of the file has flown, and how many that is stands in the tables.
+Nothing here is typed by hand but what is wanted.
 """
 
 from __future__ import annotations
@@ -13,9 +13,10 @@ from __future__ import annotations
 import os
 import platform
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 
-from companion.campaign.campaign_file import load_campaign, samples
+from companion.campaign.campaign_file import Campaign, load_campaign, samples
 from companion.campaign.command import results_folder, statistics_of
 from companion.campaign.results_file import stored_rows
 from companion.campaign.statistics import CellStatistics
@@ -23,48 +24,128 @@ from companion.campaign.statistics import CellStatistics
 ROOT = Path(__file__).resolve().parents[1]
 BEGIN, END = "<!-- results:begin -->", "<!-- results:end -->"
 HEAD = (
-    "| flight | n | landed | 95 % interval | touchdown error p50 / p95 | across p95 | down p95 | in the air |\n"
-    "| --- | --- | --- | --- | --- | --- | --- | --- |\n"
+    "| flight | n | landed | 95 % interval | error mean / p50 / p95 m | across p95 m/s | down p95 m/s | tilt p95 deg "
+    "| sight to touchdown p50 s | in the air |\n| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n"
+)
+SHORT_HEAD = (
+    "| flight | wanted | landed of n | 95 % interval | error mean / p95 m | across / down p95 m/s |\n"
+    "| --- | --- | --- | --- | --- | --- |\n"
 )
 
 
+@dataclass(frozen=True)
+class Headline:
+    """A cell of a campaign that the README shows: what it is for people, and what is wanted of it."""
+
+    campaign: str
+    cell: str
+    text: str
+    wanted: str
+
+
+HEADLINES = (
+    Headline("first-landing", "line", "line, 1.5 m/s", ""),
+    Headline("first-landing", "circle", "circle of 6 m radius, 1.5 m/s", ""),
+    Headline("first-landing", "figure8", "figure-8, 1.5 m/s", ""),
+    Headline("line_speeds", "line path.speed_m_s=4.2", "line, 4.2 m/s", "p95 <= 0.12 m"),
+    Headline("line_fast", "truck path.speed_m_s=8.0", "truck, 8 m/s", ""),
+    Headline("line_fast", "truck path.speed_m_s=15.0", "truck, 15 m/s (54 km/h)", ">= 99 %, p95 <= 0.20 m"),
+    Headline("figure8", "figure8_4_2", "figure-8 of 50 x 16 m, 4.2 m/s", ">= 99.5 %"),
+    Headline("circle_fast", "circle", "circle of 20 m radius, 8 m/s", "lands"),
+    Headline("town", "stop_and_go", "stop-and-go up to 3 m/s", ""),
+    Headline("town", "random_turns", "random turns, 3 m/s", ""),
+    Headline("wind", "line path.speed_m_s=4.2 wind.mean_m_s=12.0", "line, 4.2 m/s, wind 12 m/s and gusts", ">= 99 %"),
+    Headline("waves", "boat_2m", "boat in waves of 2 m", ""),
+    Headline("waves", "boat_4m", "boat in waves of 4 m", "tilt p95 <= 5 deg"),
+    Headline(
+        "delay", "delay_random cameras.down.delay_s=0.2", "line, 4.2 m/s, camera 0.2 to 0.5 s late", "+ <= 0.02 m"
+    ),
+    Headline("blind_end", "blind_end path.speed_m_s=4.2", "line, 4.2 m/s, markers gone below 1.6 m", "<= 0.15 m"),
+    Headline("pad_small", "line_4_2", "deck of 1.2 x 0.7 m, line, 4.2 m/s", ""),
+)
+
+
+@dataclass(frozen=True)
+class Flown:
+    """A campaign and the statistics of its first `seeds` seeds."""
+
+    path: Path
+    campaign: Campaign
+    seeds: int
+    cells: list[CellStatistics]
+
+    @property
+    def command(self) -> str:
+        first = self.campaign.first_seed
+        return f"`companion campaign {self.path.as_posix()} --seeds {self.seeds}` (seeds {first} to {first + self.seeds - 1})"
+
+
+def flown(path: Path) -> Flown:
+    campaign = load_campaign(path)
+    rows = stored_rows(results_folder(campaign) / "samples.jsonl")
+    missing = [sample for sample in samples(campaign) if sample.index not in rows]
+    seeds = min((sample.seed - campaign.first_seed for sample in missing), default=campaign.seeds)
+    if seeds == 0:
+        raise SystemExit(f"{path}: not one seed has been flown in all combinations; fly them first")
+    chosen = {sample.index: rows[sample.index] for sample in samples(campaign, seeds)}
+    return Flown(path, campaign, seeds, statistics_of(campaign, chosen))
+
+
 def main(commit: str, files: list[str]) -> None:
-    sections, first = [], None
-    for name in files:
-        path = Path(name)
-        campaign = load_campaign(path)
-        rows = stored_rows(results_folder(campaign) / "samples.jsonl")
-        missing = sum(1 for sample in samples(campaign) if sample.index not in rows)
-        if missing:
-            raise SystemExit(f"{name}: {missing} flights are missing; fly them first")
-        table = HEAD + "".join(_row(cell) for cell in statistics_of(campaign, rows))
-        command = f"`companion campaign {path.as_posix()}`, seeds {campaign.first_seed} to {campaign.first_seed + campaign.seeds - 1}"
-        sections.append(f"## {campaign.name}\n\n{command}.\n\n{table}")
-        first = (
-            first
-            or f'{table}\nMade by {command}; commit {commit}, {_machine()}. "In the air" counts disarms in the air.\n'
-        )
-    results_page = (
-        "# Results\n\nAll simulated. Made by `python docs/make_results.py` from the campaigns named below; machine: "
-        f"{_machine()}; commit {commit}. Intervals are Wilson's. Errors are over all flights that touched the pad, landed or not.\n\n"
+    campaigns = [flown(Path(name)) for name in files]
+    made = f"machine: {_machine()}; commit {commit}"
+    page = (
+        "# Results\n\nAll **simulated**. Made by `python docs/make_results.py` from the campaigns named below; "
+        f"{made}. Intervals are Wilson's, 95 %. Errors are over all flights that touched the pad, landed or not; "
+        '"in the air" counts disarms in the air.\n\n'
     )
-    (ROOT / "docs" / "results.md").write_text(results_page + "\n".join(sections), encoding="utf-8")
-    readme = ROOT / "README.md"
-    text = readme.read_text(encoding="utf-8")
-    before, after = text.split(BEGIN)[0], text.split(END)[1]
-    readme.write_text(f"{before}{BEGIN}\n{first}{END}{after}", encoding="utf-8")
+    sections = [
+        f"## {one.campaign.name}\n\n{one.command}.\n\n{HEAD}{''.join(map(_row, one.cells))}" for one in campaigns
+    ]
+    (ROOT / "docs" / "results.md").write_text(page + "\n".join(sections), encoding="utf-8")
+    _into_readme(
+        _short(campaigns)
+        + f"\nEvery row is a campaign that anyone can fly again: [results](docs/results.md); {made}.\n"
+    )
+
+
+def _short(campaigns: list[Flown]) -> str:
+    cells = {(one.campaign.name, cell.cell): cell for one in campaigns for cell in one.cells}
+    rows = [_headline(headline, cells.get((headline.campaign, headline.cell))) for headline in HEADLINES]
+    return SHORT_HEAD + "".join(rows)
+
+
+def _headline(headline: Headline, cell: CellStatistics | None) -> str:
+    if cell is None:
+        return ""
+    return (
+        f"| {headline.text} | {headline.wanted} | {cell.landed} of {cell.n} | {_interval(cell)} "
+        f"| {_m(cell.error_mean_m)} / {_m(cell.error_p95_m)} "
+        f"| {_m(cell.speed_horizontal_p95_m_s)} / {_m(cell.speed_vertical_p95_m_s)} |\n"
+    )
 
 
 def _row(cell: CellStatistics) -> str:
     return (
-        f"| {cell.cell} | {cell.n} | {cell.landed} ({cell.landed / cell.n:.1%}) "
-        f"| {cell.wilson_low:.1%} to {cell.wilson_high:.1%} | {_m(cell.error_p50_m)} / {_m(cell.error_p95_m)} m "
-        f"| {_m(cell.speed_horizontal_p95_m_s)} m/s | {_m(cell.speed_vertical_p95_m_s)} m/s | {cell.forced_disarms_in_air} |\n"
+        f"| {cell.cell} | {cell.n} | {cell.landed} ({cell.landed / cell.n:.1%}) | {_interval(cell)} "
+        f"| {_m(cell.error_mean_m)} / {_m(cell.error_p50_m)} / {_m(cell.error_p95_m)} "
+        f"| {_m(cell.speed_horizontal_p95_m_s)} | {_m(cell.speed_vertical_p95_m_s)} | {_m(cell.tilt_p95_deg, 1)} "
+        f"| {_m(cell.first_sight_to_touchdown_p50_s, 1)} | {cell.forced_disarms_in_air} |\n"
     )
 
 
-def _m(value: float | None) -> str:
-    return "-" if value is None else f"{value:.2f}"
+def _interval(cell: CellStatistics) -> str:
+    return f"{cell.wilson_low:.1%} to {cell.wilson_high:.1%}"
+
+
+def _m(value: float | None, digits: int = 2) -> str:
+    return "-" if value is None else f"{value:.{digits}f}"
+
+
+def _into_readme(text: str) -> None:
+    readme = ROOT / "README.md"
+    old = readme.read_text(encoding="utf-8")
+    readme.write_text(f"{old.split(BEGIN)[0]}{BEGIN}\n{text}{END}{old.split(END)[1]}", encoding="utf-8")
 
 
 def _machine() -> str:

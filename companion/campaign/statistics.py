@@ -45,7 +45,9 @@ class CellStatistics:
     error_mean_m: float | None
     speed_horizontal_p95_m_s: float | None
     speed_vertical_p95_m_s: float | None
+    tilt_p95_deg: float | None
     time_p50_s: float | None
+    first_sight_to_touchdown_p50_s: float | None
     real_time_factor_p50: float | None
     forced_disarms_in_air: int
     outcomes: dict[str, int]
@@ -70,7 +72,9 @@ def cell_statistics(cell: str, rows: Sequence[dict[str, Any]]) -> CellStatistics
         error_mean_m=sum(errors) / len(errors) if errors else None,
         speed_horizontal_p95_m_s=percentile(_numbers(rows, "touchdown_relative_speed_horizontal_m_s"), 0.95),
         speed_vertical_p95_m_s=percentile(_numbers(rows, "touchdown_relative_speed_vertical_m_s"), 0.95),
+        tilt_p95_deg=percentile(_numbers(rows, "touchdown_tilt_deg"), 0.95),
         time_p50_s=percentile(_numbers(rows, "time_to_touchdown_s"), 0.5),
+        first_sight_to_touchdown_p50_s=percentile(_numbers(rows, "first_sight_to_touchdown_s"), 0.5),
         real_time_factor_p50=percentile(_numbers(rows, "real_time_factor"), 0.5),
         forced_disarms_in_air=sum(1 for row in rows if row["forced_disarm_in_air"]),
         outcomes=outcomes,
@@ -78,4 +82,5 @@ def cell_statistics(cell: str, rows: Sequence[dict[str, Any]]) -> CellStatistics
 
 
 def _numbers(rows: Sequence[dict[str, Any]], key: str) -> list[float]:
-    return [float(row[key]) for row in rows if row[key] is not None]
+    """Rows of lost flights have no figures."""
+    return [float(row[key]) for row in rows if row.get(key) is not None]
