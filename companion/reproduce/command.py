@@ -26,7 +26,8 @@ def run_reproduce(key: str | None, out: Path, *, quick: bool, console: Console) 
     done = {}
     for name, reproduce in chosen(key).items():
         try:
-            made = reproduce(quick)
+            with console.status(f"{name}: computing and flying ({'seconds' if quick else 'minutes'})"):
+                made = reproduce(quick)
         except NotReproduced as error:
             if key is not None:
                 raise
@@ -40,7 +41,13 @@ def run_versus(key: str | None, out: Path, *, seeds: int | None, quick: bool, co
     """Each paper's own scenarios, flown by its preset and by the default pipeline."""
     from companion.reproduce.versus import fly_versus
 
-    made = fly_versus(list(chosen(key)) if key else with_preset(), seeds=seeds or (1 if quick else 5))
+    keys = list(chosen(key)) if key else with_preset()
+    with console.status("flying") as status:
+        made = fly_versus(
+            keys,
+            seeds=seeds or (1 if quick else 5),
+            done=lambda count, of: status.update(f"{count} of {of} flights"),
+        )
     command = f"companion reproduce{f' {key}' if key else ''} --versus{f' --seeds {seeds}' if seeds else ''}"
     return {"versus": _publish(made, out, (f"Made by `{command}{' --quick' * quick}`.",), console, VERSUS)}
 

@@ -1,16 +1,16 @@
-"""Flights of a paper's preset, or of the default pipeline, over a pool of processes: figures, track, smoothness, energy.
+"""Flights of a paper's preset, or of the default pipeline, over a pool of processes.
 
-A flight is a campaign's sample and goes through the campaign's engine. All figures are the simulator's truth. Smoothness is the
-root mean square of the jerk between start and touchdown, by second differences of the true velocity at 20 Hz. Energy is what
-the power model of the `guo` paper gives, P = 1/2 C_D A rho v^3 + sqrt((m g)^3 / (2 pi r^2 rho)), with the airframe's mass and
-quadratic drag, v over ground and a propeller of 0.127 m radius (10 inches). W local NED, SI.
+A flight is a campaign's sample and goes through the campaign's engine. All figures are the simulator's truth. Smoothness
+is the root mean square of the jerk between start and touchdown, by second differences of the true velocity at 20 Hz.
+Energy is what the power model of the `guo` paper gives, P = 1/2 C_D A rho v^3 + sqrt((m g)^3 / (2 pi r^2 rho)), with the
+airframe's mass and quadratic drag, v over ground and a propeller of 0.127 m radius (10 inches). W local NED, SI.
 """
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -51,21 +51,26 @@ def flight(
     return Sample(index, file, seed, preset or "default", presets, dict(app or {}), dict(world or {}))
 
 
-def flown(samples: Sequence[Sample], workers: int | None = None) -> list[Row]:
-    """All of them, in their order; the rows of `fly_and_measure`. RuntimeError where the program itself failed."""
-    rows = {row["sample"]: row for row in fly_all(samples, workers=_workers(samples, workers), flight=fly_and_measure)}
+def flown(samples: Sequence[Sample], done: Callable[[int, int], None] = lambda count, of: None) -> list[Row]:
+    """All of them, in their order; the rows of `fly_and_measure`. RuntimeError where the program itself failed.
+
+    `done` is told after each flight how many of how many have been flown.
+    """
+    rows: dict[int, Row] = {}
+    for row in fly_all(samples, workers=min(len(samples), default_workers()), flight=fly_and_measure):
+        rows[row["sample"]] = row
+        done(len(rows), len(samples))
     broken = [row["reason"] for row in rows.values() if row["outcome"] in ("error", "lost")]
     if broken:
         raise RuntimeError(f"{len(broken)} of {len(samples)} flights could not be flown: {broken[0]}")
     return [rows[sample.index] for sample in samples]
 
 
-def _workers(samples: Sequence[Sample], workers: int | None) -> int:
-    return min(len(samples), workers or default_workers())
-
-
 def fly_and_measure(sample: Sample) -> Row:
-    """A campaign's row with `jerk_rms_m_s3`, `energy_j`, `pad_speed_m_s` at touchdown, and `track`: (t, vehicle, pad)."""
+    """A campaign's row with `jerk_rms_m_s3`, `energy_j`, `pad_speed_m_s` at touchdown, `phases`, and `track`.
+
+    `track` has (time, vehicle, pad, yaw) at 20 Hz, `phases` (time, the phase that began).
+    """
     import cv2
 
     from companion.campaign.runner import fly

@@ -7,7 +7,7 @@ it is equal within the stated tolerance, and a row where it does neither says so
 from __future__ import annotations
 
 import statistics
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from companion.campaign.campaign_file import Sample
@@ -49,11 +49,11 @@ NOTES = (
 )
 
 
-def fly_versus(keys: Sequence[str], *, seeds: int) -> Reproduction:
+def fly_versus(keys: Sequence[str], *, seeds: int, done: Callable[[int, int], None]) -> Reproduction:
     """The papers of `keys` that have scenes and a preset."""
     scenes = [(key, scene) for key in keys for scene in SCENES.get(key, ())]
     samples = [sample for i, (key, scene) in enumerate(scenes) for sample in _samples(i, key, scene, seeds)]
-    rows = flown(samples)
+    rows = flown(samples, done)
     found: list[Row] = []
     for i, (key, scene) in enumerate(scenes):
         sides = [[row for row in rows if row["sample"] // 10_000 == 2 * i + side] for side in (0, 1)]
