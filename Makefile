@@ -7,7 +7,7 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 ARGS ?=
 
-.PHONY: demo test lint setup clean
+.PHONY: demo test lint fuzz setup clean
 
 demo: setup ## a simulated quadrotor finds a moving pad, lands on it and disarms
 	@$(BIN)/companion demo $(ARGS)
@@ -20,6 +20,15 @@ test: setup ## the whole test suite
 
 lint: setup ## style and types
 	@echo "-- lint" && $(BIN)/ruff check . && $(BIN)/ruff format --check . && echo "-- types" && $(BIN)/mypy
+
+SECONDS_EACH ?= 60
+SEED ?= 1
+
+fuzz: setup ## damaged input for the MAVLink session, the log reader and the configuration, a minute each, side by side
+	@echo "-- fuzz, $(SECONDS_EACH) s each, seed $(SEED)"
+	@status=0; pids=; for target in session tlog config; do \
+	  OMP_NUM_THREADS=1 $(BIN)/python tests/fuzz/fuzz.py $$target --seconds $(SECONDS_EACH) --seed $(SEED) & pids="$$pids $$!"; \
+	done; for pid in $$pids; do wait $$pid || status=1; done; exit $$status
 
 setup: $(STAMP)
 

@@ -33,6 +33,9 @@ from companion.messages import (
 LONGEST_GAP_US = 10_000_000
 """A longer silence is passed over in one step: nobody ticks through a night."""
 
+LATEST_US = 4_102_444_800_000_000
+"""Year 2100: a later stamp is damaged, and its nanoseconds may not fit into the answers that a session makes."""
+
 VELOCITY_IGNORED = 0x38
 STATUS_PERIOD_NS = 200_000_000
 
@@ -78,6 +81,8 @@ def _through_session(path: Path, link: config.Link, found: LogInputs) -> Iterato
         if session is None:
             session = Session(link, now_ns)
             found.first_ns = now_ns
+        if gap:
+            yield from ((now_ns, message) for message in session.handle_timer(now_ns))
         due_ns = session.next_timer_ns()
         while not gap and due_ns is not None and due_ns <= now_ns:
             yield from ((due_ns, message) for message in session.handle_timer(due_ns))
@@ -94,6 +99,9 @@ def _steady(frames: Iterator[tuple[int, bytes]], found: LogInputs) -> Iterator[t
     last_us: int | None = None
     held: tuple[int, bytes] | None = None
     for t_us, frame in frames:
+        if t_us > LATEST_US:
+            found.skipped += 1
+            continue
         near_last = last_us is not None and abs(t_us - last_us) <= LONGEST_GAP_US
         if near_last:
             found.skipped += held is not None
