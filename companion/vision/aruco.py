@@ -1,6 +1,7 @@
 """ArUco and AprilTag pads: one marker, a board of several, or markers nested in each other, as one landing point.
 
 With a prediction the markers' edges are looked for where they must be, and the codes are read to prove it: no search at all.
+Where a prediction is off by more than a cell, the largest marker's own picture tells the shift first.
 Where that fails, the part of the image around the prediction is searched, then the whole image. A marker that was found says
 where the others must be. Corners come from edge fits at full resolution and all markers go into one pose.
 """
@@ -14,13 +15,14 @@ import numpy.typing as npt
 from companion import config
 from companion.geometry import Transform
 from companion.messages import CameraImage, Image, PadNotSeen, PadObservation
-from companion.vision import edges, pad_layout, pose, region, search
+from companion.vision import alignment, edges, pad_layout, pose, region, search
 from companion.vision.camera_model import Array, CameraModel
 from companion.vision.codes import CodeBook
 from companion.vision.detector import Detection, DetectionHint
 from companion.vision.level import is_possible
 
 NAME = "aruco"
+Ids = npt.NDArray[np.int64]
 Markers = dict[int, Array]
 """Corners (4, 2) in the image by marker id, clockwise from the marker's top-left corner."""
 
@@ -32,9 +34,11 @@ _FINE_PX = 2.5
 """Reach of the last edge fit: a blurred edge and the error of the fit before."""
 _CLOSER = 0.12
 """What is left of the reach after one edge fit: its cross-sections have a sample every sixth of the reach."""
-_SETTLED_PX = 0.5
+_SETTLED_PX = 1.0
 _MAX_FITS = 5
 """Fits are repeated at the fine reach until the corners move less than this, but not for ever."""
+_ALIGNED = 0.1
+"""What is left of a prediction's error after an alignment, as a fraction of the marker's side: turn, scale, whole pixels."""
 _FOUND_SIGMA_PX = 1.5
 """How far the corners of a marker that was found without prediction may be off."""
 
@@ -47,8 +51,13 @@ class ArucoDetector:
         self._camera = camera
         self._layout = pad_layout.from_config(pad)
         ids = sorted(self._layout.corners_P)
+        self._ids = np.array(list(self._layout.corners_P))
+        self._last_px = (camera.width_px - 2.0, camera.height_px - 2.0)
+        self._points_P = np.concatenate(list(self._layout.corners_P.values()))
         cells = {marker_id: pad_layout.readable_cells(self._layout, marker_id) for marker_id in ids}
-        self._book = CodeBook(pad_layout.dictionary(pad.family), ids, cells)
+        family = pad_layout.dictionary(pad.family)
+        self._book = CodeBook(family, ids, cells)
+        self._pictures = {marker_id: alignment.picture(family, marker_id) for marker_id in ids}
 
     def detect(self, frame: CameraImage, hint: DetectionHint | None) -> Detection:
         """`PadObservation`, or `PadNotSeen` with the reason."""
@@ -75,30 +84,44 @@ class ArucoDetector:
         """The markers whose edges are met near their predicted places and whose codes prove it."""
         if hint.X_CP is None:
             return {}
-        size_m = max(self._layout.size_m.values())
-        return self._proven(grey, hint.X_CP, region.reach_px(hint, self._camera, size_m))
+        reach = region.reach_px(hint, self._camera, max(self._layout.size_m.values()))
+        ids, quads, beyond_px = self._expected(hint.X_CP)
+        inside, near = beyond_px < 0.0, beyond_px < reach
+        return self._proven(grey, ids[inside], quads[inside], reach) or self._proven(
+            grey, ids[near], *self._shifted(grey, ids[near], quads[near], reach)
+        )
 
-    def _proven(self, grey: Image, X_CP: Transform, reach_px: float) -> Markers:
-        ids, quads = self._visible(X_CP)
-        if not ids:
+    def _shifted(self, grey: Image, ids: Ids, quads: Array, reach_px: float) -> tuple[Array, float]:
+        """The quadrangles moved to where the largest one's marker looks right, and how far off they may still be."""
+        if len(ids) == 0:
+            return quads, 0.0
+        side = _side_px(quads)
+        largest = int(side.argmax())
+        shift = alignment.shift_px(grey, quads[largest], self._pictures[int(ids[largest])], reach_px)
+        if shift is None:
+            return quads[:0], 0.0
+        return quads + shift, _ALIGNED * float(side[largest])
+
+    def _proven(self, grey: Image, ids: Ids, quads: Array, reach_px: float) -> Markers:
+        """Those of the markers (M) that lie within reach of the corners (M, 4, 2)."""
+        if len(quads) == 0:
             return {}
         refined, good = self._refined(grey, quads, reach_px)
+        if not good.any():
+            return {}
         return {
             reading.marker_id: refined[reading.candidate]
             for reading in self._book.read(grey, refined)
             if good[reading.candidate] and reading.marker_id == ids[reading.candidate] and reading.first_corner == 0
         }
 
-    def _visible(self, X_CP: Transform) -> tuple[list[int], Array]:
-        """Markers that a pose puts wholly inside the image and large enough to read, and where (M, 4, 2)."""
-        points = np.concatenate(list(self._layout.corners_P.values()))
-        quads = region.projected(points, X_CP, self._camera).reshape(-1, 4, 2)
+    def _expected(self, X_CP: Transform) -> tuple[Ids, Array, Array]:
+        """Markers that a pose makes large enough to read, where (M, 4, 2), and how far beyond the image's border (M,)."""
+        quads = region.projected(self._points_P, X_CP, self._camera).reshape(-1, 4, 2)
         low, high = quads.min(axis=1), quads.max(axis=1)
-        inside = (low > 1.0).all(axis=1) & (high < (self._camera.width_px - 2, self._camera.height_px - 2)).all(axis=1)
-        inside &= (high - low).min(axis=1) >= _MIN_SIDE_PX
-        return [marker_id for marker_id, keep in zip(self._layout.corners_P, inside, strict=True) if keep], quads[
-            inside
-        ]
+        beyond_px = np.maximum(1.0 - low, high - self._last_px).max(axis=1)
+        seen = (high - low).min(axis=1) >= _MIN_SIDE_PX  # false where the lens cannot see a corner (NaN)
+        return self._ids[seen], quads[seen], beyond_px[seen]
 
     def _refined(self, grey: Image, quads: Array, reach_px: float) -> tuple[Array, npt.NDArray[np.bool_]]:
         """Corners by their edges: from as far as the prediction may be off, less than a cell, down to the edge itself."""
@@ -111,6 +134,8 @@ class ArucoDetector:
         for _ in range(_MAX_FITS):
             before = quads
             quads, good = edges.refined(grey, before, reach_px=reach, camera=self._camera)
+            if not good.any():
+                break
             if float(reach.max()) <= _FINE_PX and float(np.abs(quads - before).max(initial=0.0)) <= _SETTLED_PX:
                 break
             reach = np.maximum(_CLOSER * reach, _FINE_PX)
@@ -142,7 +167,9 @@ class ArucoDetector:
         if rough is None:
             return {}
         reach = _FOUND_SIGMA_PX * max(1.0, max(_side_px(quad[None])[0] for quad in markers.values()) / 60.0)
-        proven = self._proven(grey, Transform(q=rough.q, p=rough.position_m), 2.0 * reach)
+        ids, quads, beyond_px = self._expected(Transform(q=rough.q, p=rough.position_m))
+        inside = beyond_px < 0.0
+        proven = self._proven(grey, ids[inside], quads[inside], 2.0 * reach)
         if proven:
             return proven
         quads, _ = self._refined(grey, np.stack(list(markers.values())), reach)

@@ -6,6 +6,7 @@ that one call serves a whole marker or a whole image. The models stand one per f
 
 from __future__ import annotations
 
+import math
 from typing import Protocol
 
 import numpy as np
@@ -54,7 +55,9 @@ def unit_rows(vectors: Array) -> Array:
 
 def looking_at(direction_C: Array) -> Array:
     """R_VC (3, 3) of a frame V whose z axis is `direction_C`, turned the short way."""
-    x, y, z = (float(v) for v in direction_C / np.linalg.norm(direction_C))
+    x, y, z = direction_C.tolist()
+    length = math.sqrt(x * x + y * y + z * z)
+    x, y, z = x / length, y / length, z / length
     if z <= -0.999999:
         return np.diag([1.0, -1.0, -1.0])
     k = 1.0 / (1.0 + z)

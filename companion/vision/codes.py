@@ -22,6 +22,9 @@ MIN_CONTRAST = 8.0
 """Grey levels between the border and what surrounds it."""
 
 
+_NO_MAP: Any = None
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Reading:
     """One candidate that is a marker. Its corner `first_corner` is the marker's top-left one."""
@@ -61,12 +64,12 @@ class CodeBook:
         if len(quads) == 0:
             return []
         code, border, around = self._sampled(grey, quads)
-        black, white = border.mean(axis=1), around.mean(axis=1)
+        black, white = border.sum(axis=1) / border.shape[1], around.sum(axis=1) / around.shape[1]
         middle = (black + white)[:, None] / 2.0
         framed = (
             (white - black >= MIN_CONTRAST)
-            & ((border < middle).mean(axis=1) >= 0.85)
-            & ((around > middle).mean(axis=1) >= 0.7)
+            & (np.count_nonzero(border < middle, axis=1) >= 0.85 * border.shape[1])
+            & (np.count_nonzero(around > middle, axis=1) >= 0.7 * around.shape[1])
         )
         wrong, correlation = self._compared(code, middle, black, white)
         best = np.argmax(correlation - wrong, axis=1)
@@ -80,7 +83,7 @@ class CodeBook:
     def _sampled(self, grey: Image, quads: Array) -> tuple[Array, Array, Array]:
         """Grey levels of the code's cells, of the border's cells, and of the ground just outside."""
         at = _mapped(self._grid, quads).astype(np.float32)
-        values = cv2.remap(grey, at[..., 0], at[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        values = cv2.remap(grey, at, _NO_MAP, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         inside, frame = self._cells**2, 4 * (self._cells + 1)
         levels = values.astype(np.float64)
         return levels[:, :inside], levels[:, inside : inside + frame], levels[:, inside + frame :]
@@ -115,18 +118,21 @@ def _grid(cells: int) -> Array:
     border = [(u, v) for v in middle for u in middle if not (middle[0] < u < middle[-1] and middle[0] < v < middle[-1])]
     low, high = -0.4 / n, 1.0 + 0.4 / n
     around = [p for m in middle for p in ((m, low), (m, high), (low, m), (high, m))]
-    return np.array(code + border + around)
+    return np.array([(u, v, 1.0) for u, v in code + border + around])
 
 
 def _mapped(points: Array, quads: Array) -> Array:
-    """(M, N, 2) pixels of unit-square points under the homographies of the quadrangles (corner 0 at the origin)."""
+    """(M, N, 2) pixels of unit-square points (N, 3: u, v, 1) under the homographies of the quadrangles (corner 0 at the origin)."""
     p0, p1, p2, p3 = quads[:, 0], quads[:, 1], quads[:, 2], quads[:, 3]
     d1, d2, s = p1 - p2, p3 - p2, p0 - p1 + p2 - p3
     below = d1[:, 0] * d2[:, 1] - d1[:, 1] * d2[:, 0]
     below = np.where(np.abs(below) < 1e-9, 1e-9, below)
     g = (s[:, 0] * d2[:, 1] - s[:, 1] * d2[:, 0]) / below
     h = (d1[:, 0] * s[:, 1] - d1[:, 1] * s[:, 0]) / below
-    u, v = points[None, :, 0, None], points[None, :, 1, None]
-    along = (p1 - p0 + g[:, None] * p1)[:, None, :] * u + (p3 - p0 + h[:, None] * p3)[:, None, :] * v + p0[:, None, :]
-    scale = 1.0 + g[:, None, None] * u + h[:, None, None] * v
-    return np.asarray(along / np.where(np.abs(scale) < 1e-6, 1e-6, scale))
+    columns = np.empty((len(quads), 3, 3))
+    columns[:, 0, :2], columns[:, 0, 2] = p1 - p0 + g[:, None] * p1, g
+    columns[:, 1, :2], columns[:, 1, 2] = p3 - p0 + h[:, None] * p3, h
+    columns[:, 2, :2], columns[:, 2, 2] = p0, 1.0
+    at = points @ columns
+    scale = at[..., 2:]
+    return np.asarray(at[..., :2] / np.where(np.abs(scale) < 1e-6, 1e-6, scale))

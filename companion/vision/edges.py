@@ -25,9 +25,15 @@ _MIN_STRENGTH = 0.03
 """Squared gradient of an edge against the strongest of its quadrangle: less is noise beside a real edge. Motion blur over
 ten pixels leaves a tenth."""
 _STEPS: Array = np.arange(-6, 7) / 6.0
+"""Samples of a cross-section, in reaches along the normal."""
+_MIDDLES = np.arange(-11, 12, 2)
+"""Middles between the samples, in twelfths of the reach: whole numbers, so that sums over grey levels are exact in float32."""
+_SUMS = np.stack((np.ones(12), _MIDDLES)).astype(np.float32)
 _FRACTIONS: Array = np.linspace(_TRIM, 1.0 - _TRIM, SAMPLES)
 _WITH_ENDS: Array = np.concatenate(([0.0], _FRACTIONS, [1.0]))
 _POWERS: Array = np.column_stack((np.ones(SAMPLES), _FRACTIONS, _FRACTIONS**2))
+_PICKS: Array = np.array([(1.0, fraction, step) for step in _STEPS for fraction in _FRACTIONS]).T
+"""Samples of a straight edge (3, K * S): shares of its start, of its length along it, and of the reach across it."""
 _BEFORE = np.array([3, 0, 1, 2])
 """The edge that ends at each corner; the edge of the same number starts there."""
 _AFTER = np.array([1, 2, 3, 0])
@@ -42,47 +48,50 @@ def refined(image: Image, quads: Array, *, reach_px: Array, camera: CameraModel 
     call again where the first call moved far.
     """
     if camera is None or camera.keeps_lines_straight:
-        feet, outward = _straight_sections(quads)
+        along = quads[:, _AFTER] - quads
+        at_start = at_end = _left_of(along)
+        weight, place = _straight_places(image, quads, along, at_start, reach_px)
     else:
         feet, outward = _bent_sections(quads, camera)
-    weight, place = edge_places(image, feet, outward[:, :, 1:-1], offsets_within(reach_px))
+        at_start, at_end = outward[:, :, 0], outward[:, :, -1]
+        weight, place = edge_places(image, feet, outward[:, :, 1:-1], reach_px)
     start, end, fitted = _fitted_offsets(weight, place, reach_px)
-    move = _meeting(outward[:, _BEFORE, -1], end[:, _BEFORE], outward[:, :, 0], start)
-    length = np.sqrt(np.einsum("mki,mki->mk", move, move)).max(axis=1)
-    good = fitted & (length <= 2.0 * reach_px + 1.0)
+    move = _meeting(at_end[:, _BEFORE], end[:, _BEFORE], at_start, start)
+    squared = (move * move).sum(axis=2).max(axis=1)
+    good = fitted & (squared <= (2.0 * reach_px + 1.0) ** 2)
     return np.where(good[:, None, None], quads + move, quads), good
 
 
-def offsets_within(reach_px: Array) -> Array:
-    """(M, K) signed distances along the normal."""
-    return np.asarray(reach_px[:, None] * _STEPS[None, :])
-
-
-def edge_places(image: Image, feet: Array, outward: Array, offsets: Array) -> tuple[Array, Array]:
+def edge_places(image: Image, feet: Array, outward: Array, reach_px: Array) -> tuple[Array, Array]:
     """Weight (the sum of squared gradients) and offset (px along the normal) of the edge on each cross-section, (M, E, S).
 
-    `feet` (M, E, S, 2) and unit `outward` (broadcast to it) span the cross-sections, `offsets` (M, K) the samples on them;
+    `feet` (M, E, S, 2) and unit `outward` (broadcast to it) span the cross-sections, `reach_px` (M,) is half their length;
     only gradients that brighten outwards count.
     """
-    M, edges, S, _ = feet.shape
-    K = offsets.shape[1]
-    at = feet[:, :, :, None, :] + outward[:, :, :, None, :] * offsets[:, None, None, :, None]
-    flat = at.reshape(M * edges, S * K, 2).astype(np.float32)  # remap takes less than 32767 rows
-    values = cv2.remap(image, flat[..., 0], flat[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    levels = values.reshape(M, edges, S, K).astype(np.float64)
-    rise = np.maximum(levels[..., 1:] - levels[..., :-1], 0.0)
-    squared = rise * rise
-    middles = 0.5 * (offsets[:, 1:] + offsets[:, :-1])
-    weight = squared.sum(axis=3)
-    moment = (squared.reshape(M, edges * S, K - 1) @ middles[:, :, None]).reshape(M, edges, S)
-    return weight, moment / np.maximum(weight, 1e-9)
+    step = (reach_px[:, None] * _STEPS)[:, None, :, None]
+    at = np.moveaxis(feet, 3, 0)[:, :, :, None] + np.moveaxis(outward, 3, 0)[:, :, :, None] * step
+    return _places(image, at, feet.shape[:3], reach_px)
 
 
-def _straight_sections(quads: Array) -> tuple[Array, Array]:
-    """Feet (M, 4, S, 2) on the edges and unit normals (M, 4, 3, 2): at the edge's start, on it, and at its end."""
-    along = quads[:, _AFTER] - quads
-    feet = quads[:, :, None, :] + along[:, :, None, :] * _FRACTIONS[None, None, :, None]
-    return feet, np.repeat(_left_of(along)[:, :, None, :], 3, axis=2)
+def _straight_places(image: Image, quads: Array, along: Array, normal: Array, reach_px: Array) -> tuple[Array, Array]:
+    """`edge_places` on the straight sides of quadrangles."""
+    frame = np.empty((2, len(quads), 4, 3))
+    for axis in (0, 1):
+        frame[axis, :, :, 0], frame[axis, :, :, 1] = quads[:, :, axis], along[:, :, axis]
+        frame[axis, :, :, 2] = normal[:, :, axis] * reach_px[:, None]
+    return _places(image, frame.reshape(-1, 3) @ _PICKS, (len(quads), 4, SAMPLES), reach_px)
+
+
+def _places(image: Image, at: Array, shape: tuple[int, ...], reach_px: Array) -> tuple[Array, Array]:
+    """The same from the samples' columns and rows, (2, M, E, K, S) in this order; `shape` is (M, E, S)."""
+    M, edges, S = shape
+    columns, rows = at.astype(np.float32).reshape(2, M * edges, -1)  # remap takes less than 32767 rows
+    levels = cv2.remap(image, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    rise = cv2.subtract(levels[:, S:], levels[:, :-S])  # saturates: what darkens outwards is 0
+    squared = cv2.multiply(rise, rise, dtype=cv2.CV_32F).reshape(M * edges, -1, S)
+    sums = (_SUMS @ squared).astype(np.float64)
+    weight, moment = sums[:, 0].reshape(shape), sums[:, 1].reshape(shape)
+    return weight, moment / np.maximum(weight, 1e-9) * (reach_px / 12.0)[:, None, None]
 
 
 def _bent_sections(quads: Array, camera: CameraModel) -> tuple[Array, Array]:
@@ -96,8 +105,11 @@ def _bent_sections(quads: Array, camera: CameraModel) -> tuple[Array, Array]:
 
 def _left_of(along: Array) -> Array:
     """Unit vectors out of a quadrangle whose sides run clockwise in the image (y down): the direction turned left."""
-    length = np.maximum(np.sqrt(np.einsum("...i,...i->...", along, along)), 1e-6)
-    return np.asarray(np.stack((along[..., 1] / length, -along[..., 0] / length), axis=-1))
+    x, y = along[..., 0], along[..., 1]
+    length = np.maximum(np.hypot(x, y), 1e-6)
+    normal = np.empty_like(along)
+    normal[..., 0], normal[..., 1] = y / length, -x / length
+    return normal
 
 
 def _fitted_offsets(weight: Array, place: Array, reach_px: Array) -> tuple[Array, Array, Mask]:
@@ -124,11 +136,13 @@ def _fitted_offsets(weight: Array, place: Array, reach_px: Array) -> tuple[Array
 
 def _line_through(place: Array, w: Array) -> Array:
     """(M, 4, 2) offset at fraction 0 and slope."""
-    s, p = w @ _POWERS, (w * place) @ _POWERS
-    determinant = np.maximum(s[..., 0] * s[..., 2] - s[..., 1] * s[..., 1], 1e-12)
+    sums = np.stack((w, w * place)) @ _POWERS
+    s0, s1, s2 = sums[0, ..., 0], sums[0, ..., 1], sums[0, ..., 2]
+    p0, p1 = sums[1, ..., 0], sums[1, ..., 1]
+    determinant = np.maximum(s0 * s2 - s1 * s1, 1e-12)
     line = np.empty((*place.shape[:2], 2))
-    line[..., 0] = (s[..., 2] * p[..., 0] - s[..., 1] * p[..., 1]) / determinant
-    line[..., 1] = (s[..., 0] * p[..., 1] - s[..., 1] * p[..., 0]) / determinant
+    line[..., 0] = (s2 * p0 - s1 * p1) / determinant
+    line[..., 1] = (s0 * p1 - s1 * p0) / determinant
     return line
 
 

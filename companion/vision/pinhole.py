@@ -53,18 +53,19 @@ class Pinhole:
         xy = (pixels - (self.cx_px, self.cy_px)) / (self.fx_px, self.fy_px)
         if not self.keeps_lines_straight:
             xy = self._undistort(xy)
-        return unit_rows(np.column_stack((xy, np.ones(len(xy)))))
+        rays = np.ones((len(xy), 3))
+        rays[:, :2] = xy
+        return unit_rows(rays)
 
     def jacobian(self, points_C: Array) -> Array:
         z = np.where(points_C[:, 2] > 0.0, points_C[:, 2], np.nan)
-        x, y = points_C[:, 0] / z, points_C[:, 1] / z
+        xy = points_C[:, :2] / z[:, None]
         plane = np.zeros((len(z), 2, 3))
         plane[:, 0, 0] = plane[:, 1, 1] = 1.0 / z
-        plane[:, 0, 2] = -x / z
-        plane[:, 1, 2] = -y / z
+        plane[:, :, 2] = xy / -z[:, None]
         if not self.keeps_lines_straight:
-            plane = self._distortion_jacobian(np.column_stack((x, y))) @ plane
-        return np.asarray(plane * np.array([self.fx_px, self.fy_px])[None, :, None])
+            plane = self._distortion_jacobian(xy) @ plane
+        return np.asarray(plane * np.array([[self.fx_px], [self.fy_px]]))
 
     def _distort(self, xy: Array) -> Array:
         _, _, p1, p2, *_ = self.coefficients

@@ -26,7 +26,11 @@ AMBIGUOUS_CHI2 = 13.8
 """The second pose is kept while it is no less likely than this against the first (chi-square of two tilts at 99.9 %)."""
 CLEARLY_WORSE_PX = 1.5
 """Root mean square reprojection error above the better pose's at which the other needs no polishing."""
-_GAUSS_NEWTON_STEPS = 6
+_GAUSS_NEWTON_STEPS = 8
+_KEPT = 4
+"""Steps that one Jacobian serves."""
+_SETTLED_PX = 0.03
+"""A step leaves a hundredth of itself: after one that moves no corner by more than this there is nothing to gain."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,8 +61,7 @@ def planar_pose(
     The points lie in one plane, or the first four of them do (the first marker of several that do not).
     """
     flat = slice(None) if _are_coplanar(points_P) else slice(4)
-    guesses = _both_guesses(points_P[flat], pixels[flat], camera)
-    fits = [fit for guess in guesses if (fit := _polished(points_P, pixels, camera, *guess))]
+    fits = _polished(points_P, pixels, camera, _both_guesses(points_P[flat], pixels[flat], camera))
     if not fits:
         return None
     # Corners that fit worse than sigma promises carry more error than sigma: the covariance follows what was seen.
@@ -94,7 +97,7 @@ def on_plane(pixels: Array, pose: PlanarPose, camera: CameraModel) -> Array:
 
 
 def _are_coplanar(points_P: Array) -> bool:
-    return len(points_P) <= 4 or float(np.ptp(points_P, axis=0).min()) == 0.0
+    return len(points_P) <= 4 or bool((points_P == points_P[0]).all(axis=0).any())
 
 
 def _both_guesses(points_P: Array, pixels: Array, camera: CameraModel) -> list[tuple[Array, Array]]:
@@ -117,41 +120,65 @@ def _both_guesses(points_P: Array, pixels: Array, camera: CameraModel) -> list[t
         p = translations[k].reshape(3)
         # IPPE reports the better one first; one that is off by whole pixels more is no rival.
         excess_px = float(errors[k, 0] - errors[0, 0]) * camera.focal_px
-        if np.isfinite(R).all() and np.isfinite(p).all() and excess_px <= CLEARLY_WORSE_PX:
+        if math.isfinite(float(R.sum() + p.sum())) and excess_px <= CLEARLY_WORSE_PX:
             guesses.append((R_VC.T @ R, R_VC.T @ p))
     return guesses
 
 
-def _polished(points_P: Array, pixels: Array, camera: CameraModel, R: Array, p: Array) -> _Fit | None:
-    """Gauss-Newton on the reprojection error; None where a point falls behind the lens or the normal matrix is singular."""
-    for _ in range(_GAUSS_NEWTON_STEPS):
-        turned = points_P @ R.T
-        residual, J = _linearised(turned, turned + p, pixels, camera)
-        if not np.isfinite(residual).all():
-            return None
-        information = J.T @ J
-        try:
-            step = np.linalg.solve(information, J.T @ residual)
-        except np.linalg.LinAlgError:
-            return None
-        p = p + step[:3]
-        R = cv2.Rodrigues(step[3:])[0] @ R
-        # Convergence is quadratic: after a step of a thousandth the rest is a millionth.
-        if float(np.abs(step[3:]).max()) < 1e-3 and float(np.abs(step[:3]).max()) < 1e-3 * float(np.abs(p).max()):
+def _polished(points_P: Array, pixels: Array, camera: CameraModel, guesses: list[tuple[Array, Array]]) -> list[_Fit]:
+    """Gauss-Newton on the reprojection error, all guesses in one go; without those where a point falls behind the lens.
+
+    From afar the first Jacobian serves to the end: the guesses are off by less than a pixel, and the residual is exact.
+    """
+    R, p = np.array([guess[0] for guess in guesses]), np.array([guess[1] for guess in guesses])
+    J: Array = np.empty(0)
+    information: Array = J
+    gain: Array = J
+    for step_number in range(_GAUSS_NEWTON_STEPS if guesses else 0):
+        turned = points_P @ R.transpose(0, 2, 1)
+        residual = _residual(turned + p[:, None], pixels, camera)
+        in_front = np.isfinite(residual).all(axis=1)
+        if not in_front.all():
+            return _polished(points_P, pixels, camera, [guesses[k] for k in np.flatnonzero(in_front)])
+        if step_number % _KEPT == 0:
+            J = _jacobian(turned, turned + p[:, None], camera)
+            J_T = J.transpose(0, 2, 1)
+            information = np.asarray(J_T @ J, dtype=np.float64)
+            try:
+                gain = np.asarray(np.linalg.solve(information, J_T), dtype=np.float64)
+            except np.linalg.LinAlgError:
+                return []
+        step = (gain @ residual[:, :, None])[:, :, 0]
+        p = p + step[:, :3]
+        R = np.array([cv2.Rodrigues(turn)[0] for turn in step[:, 3:]]) @ R
+        if float(np.abs(J @ step[:, :, None]).max()) < _SETTLED_PX:
             break
-    error = pixels - camera.project(points_P @ R.T + p)
-    squared = float(np.sum(error * error))
-    return _Fit(R=R, p=p, squared_error_px2=squared, information_px2=information) if math.isfinite(squared) else None
+    left = _residual(points_P @ R.transpose(0, 2, 1) + p[:, None], pixels, camera) if guesses else np.empty((0, 0))
+    return [
+        _Fit(R[k], p[k], squared, information[k])
+        for k, squared in enumerate((left * left).sum(axis=1).tolist())
+        if math.isfinite(squared)
+    ]
 
 
-def _linearised(turned: Array, points_C: Array, pixels: Array, camera: CameraModel) -> tuple[Array, Array]:
-    """Residual (2N,) and its Jacobian (2N, 6) by position and by a small rotation about the axes of C."""
-    by_point = camera.jacobian(points_C)
-    x, y, z = turned[:, 0, None], turned[:, 1, None], turned[:, 2, None]
+def _residual(points_C: Array, pixels: Array, camera: CameraModel) -> Array:
+    """(G, 2N) of points (G, N, 3)."""
+    return np.asarray(
+        (pixels - camera.project(points_C.reshape(-1, 3)).reshape(-1, *pixels.shape)).reshape(len(points_C), -1)
+    )
+
+
+def _jacobian(turned: Array, points_C: Array, camera: CameraModel) -> Array:
+    """(G, 2N, 6) derivative of the pixels by position and by a small rotation about the axes of C."""
+    by_point = camera.jacobian(points_C.reshape(-1, 3))
+    arms = turned.reshape(-1, 3)
+    x, y, z = arms[:, 0, None], arms[:, 1, None], arms[:, 2, None]
     u, v, w = by_point[:, :, 0], by_point[:, :, 1], by_point[:, :, 2]
+    J = np.empty((len(arms), 2, 6))
+    J[:, :, :3] = by_point
     # d(theta x a) = theta x a: row . (theta x a) = theta . (a x row)
-    J = np.stack((u, v, w, y * w - z * v, z * u - x * w, x * v - y * u), axis=2)
-    return (pixels - camera.project(points_C)).reshape(-1), J.reshape(-1, 6)
+    J[:, :, 3], J[:, :, 4], J[:, :, 5] = y * w - z * v, z * u - x * w, x * v - y * u
+    return J.reshape(len(points_C), -1, 6)
 
 
 def _surprise(fit: _Fit, hint: DetectionHint | None, variance: float) -> float:
@@ -164,7 +191,7 @@ def _surprise(fit: _Fit, hint: DetectionHint | None, variance: float) -> float:
         total += (_angle(dot(normal_C, hint.down_camera)) / LEVEL_SIGMA_RAD) ** 2
     if hint.X_CP is not None:
         predicted = np.array(matrix_from_quaternion(hint.X_CP.q))
-        total += (rotation_angle(predicted.T @ fit.R) / TRACK_SIGMA_RAD) ** 2
+        total += (_angle((float((predicted * fit.R).sum()) - 1.0) / 2.0) / TRACK_SIGMA_RAD) ** 2
     return total
 
 
@@ -182,7 +209,7 @@ def _inverse(information: Array) -> Array | None:
         inverse = np.linalg.inv(information)
     except np.linalg.LinAlgError:
         return None
-    usable = np.isfinite(inverse).all() and float(np.diag(inverse).min()) > 0.0
+    usable = math.isfinite(float(inverse.sum())) and min(inverse.diagonal().tolist()) > 0.0
     return np.asarray(inverse, dtype=np.float64) if usable else None
 
 
@@ -191,5 +218,5 @@ def _quaternion(R: Array) -> Quaternion:
 
 
 def _mat3(M: Array) -> Mat3:
-    a, b, c = ((float(row[0]), float(row[1]), float(row[2])) for row in M)
-    return (a, b, c)
+    a, b, c = M.tolist()
+    return (tuple(a), tuple(b), tuple(c))

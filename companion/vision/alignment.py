@@ -1,0 +1,53 @@
+"""How far a predicted marker is from its place: its own picture, slid over a small copy of the image around there.
+
+For predictions that are off by more than a cell, where an edge fit would meet the wrong edges, and still by far less than a
+search of the image. Only a shift is looked for: a prediction's scale and turn are right to a few per cent and degrees.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from companion.messages import Image
+from companion.vision.camera_model import Array
+
+TEMPLATE_PX = 24.0
+"""Longer side of the small copy of the marker: three or four pixels a cell."""
+LEAST_CORRELATION = 0.5
+_CELL_PX = 8
+
+
+def picture(dictionary: cv2.aruco.Dictionary, marker_id: int) -> Image:
+    """The marker seen from straight above, in a light rim one cell wide."""
+    cells = int(dictionary.markerSize) + 2
+    image = cv2.aruco.generateImageMarker(dictionary, marker_id, cells * _CELL_PX)
+    return np.asarray(np.pad(image, _CELL_PX, constant_values=255), dtype=np.uint8)
+
+
+def shift_px(grey: Image, quad: Array, marker: Image, reach_px: float) -> Array | None:
+    """(2,) from the corners (4, 2) in the image to where the marker's `picture` fits best; None where it fits nowhere."""
+    low, high = quad.min(axis=0), quad.max(axis=0)
+    scale = min(1.0, TEMPLATE_PX / float((high - low).max()))
+    height, width = grey.shape
+    left, top = np.maximum(low - reach_px, 0.0).astype(int)
+    right, bottom = np.minimum(high + reach_px + 2.0, (width, height)).astype(int)
+    size = (round((right - left) * scale), round((bottom - top) * scale))
+    small = cv2.resize(grey[top:bottom, left:right], size, interpolation=cv2.INTER_AREA)
+    template = _seen(marker, (quad - low) * scale, np.ceil((high - low) * scale).astype(int) + 1)
+    if template.shape[0] > small.shape[0] or template.shape[1] > small.shape[1]:
+        return None
+    fit = cv2.matchTemplate(small, template, cv2.TM_CCOEFF_NORMED)
+    _, best, _, place = cv2.minMaxLoc(fit)
+    return np.asarray(np.array(place) / scale + (left, top) - low) if best >= LEAST_CORRELATION else None
+
+
+def _seen(marker: Image, quad: Array, size: Array) -> Image:
+    """The picture as the corners put it."""
+    a, b = _CELL_PX - 0.5, len(marker) - _CELL_PX - 0.5
+    corners = np.array(((a, a), (b, a), (b, b), (a, b)), np.float32)
+    H = cv2.getPerspectiveTransform(corners, quad.astype(np.float32))
+    image = cv2.warpPerspective(
+        marker, H, (int(size[0]), int(size[1])), flags=cv2.INTER_AREA, borderMode=cv2.BORDER_REPLICATE
+    )
+    return np.asarray(image, dtype=np.uint8)
