@@ -12,6 +12,7 @@ import contextlib
 import gc
 import signal
 import time
+from array import array
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -93,8 +94,8 @@ class LiveCounters:
     first_sight_ns: int | None = None
     started_ns: int | None = None
     """The first START, by whomever."""
-    setpoint_sent_ns: list[int] = field(default_factory=list)
-    frame_to_setpoint_ns: list[int] = field(default_factory=list)
+    setpoint_sent_ns: array[int] = field(default_factory=lambda: array("q"))
+    frame_to_setpoint_ns: array[int] = field(default_factory=lambda: array("q"))
     frame_waiting_ns: int | None = None
     """Arrival of the latest frame that was used and that no setpoint has followed yet."""
 

@@ -10,7 +10,7 @@ import json
 import subprocess
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -137,13 +137,13 @@ def _since(began_ns: int | None, ended_ns: int | None) -> float | None:
     return None if began_ns is None or ended_ns is None else round((ended_ns - began_ns) / 1e9, 3)
 
 
-def timing_ms(sent_ns: list[int], period_ns: int) -> dict[str, float]:
+def timing_ms(sent_ns: Sequence[int], period_ns: int) -> dict[str, float]:
     """Deviation of the gaps between setpoints from their period, ms: median, p99, max."""
     gaps_ns = [abs(later - earlier - period_ns) for earlier, later in pairwise(sent_ns)]
     return {"count": len(gaps_ns), **_percentiles_ms(gaps_ns)}
 
 
-def _percentiles_ms(values_ns: list[int]) -> dict[str, float]:
+def _percentiles_ms(values_ns: Sequence[int]) -> dict[str, float]:
     if not values_ns:
         return {}
     ordered = sorted(values_ns)

@@ -79,10 +79,11 @@ def _recorded(path: Path) -> FlightRecord | None:
     entries = list(log.entries())
     if not any(isinstance(entry.message, PhaseChanged) or entry.cause is not None for entry in entries):
         return None
-    record.add_entries(entries)
+    record.seconds(entries[0].message.t_ns)
     shift_ns = log.log_minus_companion_ns
-    for t_ns, vehicle, pad in log.truths():
-        record.add_truth(t_ns - shift_ns, vehicle, pad)
     for _, t_ns, jpeg in log.frames():
         record.add_frame(t_ns - shift_ns, jpeg)
+    record.add_entries(entries)
+    for t_ns, vehicle, pad in log.truths():
+        record.add_truth(t_ns, vehicle, pad)
     return record

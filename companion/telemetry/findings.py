@@ -16,7 +16,7 @@ from companion.telemetry.flight_record import FlightRecord
 
 NIS_95 = {1: 3.84, 2: 5.99, 3: 7.81}
 """Chi-square, 95 %, by degrees of freedom."""
-SLOW_FRAME_S, BLIND_S, SETPOINT_GAP_S = 0.15, 1.0, 0.1
+SLOW_FRAME_S, BLIND_S = 0.15, 1.0
 WIDE_M, HARD_M_S, SIDEWAYS_M_S = 0.5, 1.5, 1.0
 CLOSE = (Phase.DESCEND, Phase.COMMIT)
 
@@ -76,8 +76,7 @@ def _blind(record: FlightRecord, figures: Mapping[str, Any]) -> Look | None:
 
 
 def _setpoint_gaps(record: FlightRecord, figures: Mapping[str, Any]) -> Look | None:
-    spans = [later - earlier for earlier, later in pairwise(record.setpoint.t_s)]
-    gaps_s = [gap_s for gap_s in spans if SETPOINT_GAP_S < gap_s < 2.0]
+    gaps_s = record.setpoint_pauses_s
     if not gaps_s:
         return None
     return Look(2, f"{len(gaps_s)} pauses of the setpoints, the longest {1e3 * max(gaps_s):.0f} ms (20 ms is usual).")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Any, Protocol
 
 from companion.messages import (
     Health,
@@ -24,6 +24,9 @@ from companion.messages import (
     VelocitySetpoint,
 )
 
+MOST_POINTS = 8000
+"""Of one series: four times what a chart draws. A long flight is kept with fewer points a second, so that memory stays."""
+
 
 @dataclass(slots=True)
 class Series:
@@ -31,14 +34,19 @@ class Series:
 
     t_s: list[float] = field(default_factory=list)
     values: list[Vec3] = field(default_factory=list)
+    thinning: Thinning = field(default_factory=lambda: Thinning())
 
     def add(self, t_s: float, value: Vec3) -> None:
-        self.t_s.append(t_s)
-        self.values.append(value)
+        if self.thinning.takes(self.t_s, self.values):
+            self.t_s.append(t_s)
+            self.values.append(value)
 
     def axis(self, index: int) -> list[float]:
         return [value[index] for value in self.values]
 
+
+PAUSE_S = (0.1, 2.0)
+"""Between two setpoints: longer is a pause, still longer is that nothing was to be sent."""
 
 SAMPLE_S = 1.0
 MOST_SAMPLES = 48
@@ -72,10 +80,31 @@ class Values:
 
     t_s: list[float] = field(default_factory=list)
     values: list[float] = field(default_factory=list)
+    thinning: Thinning = field(default_factory=lambda: Thinning())
 
     def add(self, t_s: float, value: float) -> None:
-        self.t_s.append(t_s)
-        self.values.append(value)
+        if self.thinning.takes(self.t_s, self.values):
+            self.t_s.append(t_s)
+            self.values.append(value)
+
+
+@dataclass(slots=True)
+class Thinning:
+    """Every `stride`-th point is taken; a full series loses every other point and the stride doubles."""
+
+    stride: int = 1
+    offered: int = 0
+
+    def takes(self, *columns: list[Any]) -> bool:
+        """Whether the point that comes next belongs into the columns, for which room is made."""
+        self.offered += 1
+        if (self.offered - 1) % self.stride:
+            return False
+        if len(columns[0]) >= MOST_POINTS:
+            for column in columns:
+                del column[1::2]
+            self.stride *= 2
+        return True
 
 
 @dataclass(slots=True)
@@ -102,6 +131,9 @@ class FlightRecord:
     phases: list[tuple[float, Phase, str]] = field(default_factory=list)
     requests: list[tuple[float, str]] = field(default_factory=list)
     health: list[tuple[float, Health]] = field(default_factory=list)
+    setpoint_gaps_s: Values = field(default_factory=Values)
+    setpoint_pauses_s: list[float] = field(default_factory=list)
+    last_setpoint_s: float | None = None
     corners_px: dict[int, tuple[tuple[float, float], ...]] = field(default_factory=dict)
     samples: list[FrameSample] = field(default_factory=list)
     sample_every_s: float = SAMPLE_S
@@ -146,10 +178,11 @@ class FlightRecord:
                 self.pad.add(t_s, message.position_ned_m)
                 self.pad_sigma_m.add(t_s, message.position_sigma_m)
             case VelocitySetpoint():
-                self.setpoint.add(t_s, message.velocity_ned_m_s)
+                self._add_setpoint(t_s, message)
             case PadObservation():
                 self.seen_s.append(t_s)
-                self.corners_px[message.t_ns] = message.corners_px
+                if any(sample.t_ns == message.t_ns for sample in self.samples):
+                    self.corners_px[message.t_ns] = message.corners_px
             case PadNotSeen():
                 self.not_seen_s.append(t_s)
             case MeasurementVerdict():
@@ -163,6 +196,15 @@ class FlightRecord:
                 self.requests.append((t_s, f"{message.kind}: {message.reason}{evidence}"))
             case _:
                 pass
+
+    def _add_setpoint(self, t_s: float, setpoint: VelocitySetpoint) -> None:
+        self.setpoint.add(t_s, setpoint.velocity_ned_m_s)
+        gap_s = None if self.last_setpoint_s is None else t_s - self.last_setpoint_s
+        self.last_setpoint_s = t_s
+        if gap_s is not None:
+            self.setpoint_gaps_s.add(t_s, gap_s)
+            if PAUSE_S[0] < gap_s < PAUSE_S[1]:
+                self.setpoint_pauses_s.append(gap_s)
 
     def _add_verdict(self, t_s: float, verdict: MeasurementVerdict) -> None:
         if not verdict.accepted:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from html import escape
-from itertools import pairwise
 from typing import Any
 
 from companion.messages import Phase
@@ -250,13 +249,12 @@ def _detection_chart(record: FlightRecord) -> Chart:
 
 def _delay_charts(record: FlightRecord) -> list[Chart]:
     """From when it was true to when it was handled; and from one setpoint to the next."""
-    bands, sent = _bands(record), record.setpoint.t_s
+    bands = _bands(record)
     charts = [
         Chart(f"How late: {kind}", "time, s", "ms", (Line("", BLUE, v.t_s, [1e3 * s for s in v.values]),), bands)
         for kind, v in sorted(record.delays_s.items())
     ]
-    gaps_ms: list[float | None] = [1e3 * min(b - a, 0.2) for a, b in pairwise(sent)]
-    gaps = Line("", BLUE, sent[1:], gaps_ms)
+    gaps = Line("", BLUE, record.setpoint_gaps_s.t_s, [1e3 * gap_s for gap_s in record.setpoint_gaps_s.values])
     return [*charts, Chart("From one setpoint to the next", "time, s", "ms", (gaps,), bands, y_range=(0.0, 60.0))]
 
 

@@ -23,7 +23,7 @@ from companion.messages import (
     VelocitySetpoint,
 )
 from companion.telemetry.findings import look_first
-from companion.telemetry.flight_record import MOST_SAMPLES, FlightRecord
+from companion.telemetry.flight_record import MOST_POINTS, MOST_SAMPLES, FlightRecord, Values
 from companion.telemetry.report import report_html
 
 REPO = Path(__file__).resolve().parents[4]
@@ -102,10 +102,8 @@ def test_a_pad_out_of_sight_in_the_descent_is_named_with_its_duration() -> None:
 
 def test_setpoints_that_pause_are_named() -> None:
     record = flight()
-    kept = [i for i, t_s in enumerate(record.setpoint.t_s) if not 4.0 < t_s < 4.4]
-    record.setpoint.t_s = [record.setpoint.t_s[i] for i in kept]
-    record.setpoint.values = [record.setpoint.values[i] for i in kept]
-    assert "longest 400 ms" in texts(record)
+    record.add(VelocitySetpoint(10_380_000_000, 0, (1.0, 0.0, 0.0), 0.0))
+    assert "1 pauses of the setpoints, the longest 400 ms" in texts(record)
 
 
 def test_an_estimator_that_is_too_sure_is_named_by_its_source() -> None:
@@ -137,6 +135,16 @@ def test_a_long_flight_keeps_a_page_that_opens_quickly() -> None:
     assert MOST_SAMPLES / 3 < len(record.samples) <= MOST_SAMPLES
     assert record.samples[-1].t_s > 560.0
     assert len(report_html(record, {}, title="long", line="")) < 3_000_000
+
+
+def test_a_series_never_grows_without_bound_and_keeps_its_whole_span() -> None:
+    series = Values()
+    for i in range(100_000):
+        series.add(float(i), 2.0 * i)
+    assert MOST_POINTS / 2 <= len(series.t_s) <= MOST_POINTS
+    assert series.t_s[0] == 0.0
+    assert series.t_s[-1] > 99_900.0
+    assert series.values == [2.0 * t_s for t_s in series.t_s]
 
 
 def test_an_empty_record_is_a_page_too() -> None:
