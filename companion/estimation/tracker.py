@@ -37,7 +37,7 @@ from companion.mount import mounted
 
 RECENT_NS = 100_000_000
 SEEN_S = 0.2
-"""While vision is younger than this the range sensor adds nothing to the height that vision gives."""
+"""While vision is younger than this the range sensor adds nothing to the height that vision gives; a bearing gives none."""
 
 PadSight = PadObservation | PadBearing | PadBeacon | RangeMeasurement
 SOURCES: dict[type, ObservationSource] = {
@@ -62,6 +62,7 @@ class PadTracker:
         )
         self._estimator = estimator
         self._recent: PadEstimate | None = None
+        self._sees_bearings = False
         self.history = VehicleHistory(config.history_s)
 
     def add_vehicle_state(self, state: VehicleState) -> VehicleReset | None:
@@ -107,6 +108,7 @@ class PadTracker:
         mount = self._mounts.get(message.camera)
         if mount is None:
             return None
+        self._sees_bearings = isinstance(message, PadBearing)
         if isinstance(message, PadBearing):
             return measurement_from_bearing(message, vehicle, mount, self._errors)
         return measurement_from_observation(message, vehicle, mount, self._errors)
@@ -117,7 +119,8 @@ class PadTracker:
         if distance is None or not message.min_distance_m <= distance <= message.max_distance_m:
             return None
         estimate = self._recent_estimate(message.t_ns)
-        if estimate is None or _is_seen(estimate) or not self._is_above(estimate, vehicle):
+        height_is_seen = estimate is not None and _is_seen(estimate) and not self._sees_bearings
+        if estimate is None or height_is_seen or not self._is_above(estimate, vehicle):
             return None
         return self._estimator.observe(measurement_from_range(message.t_ns, distance, vehicle))
 
