@@ -453,10 +453,16 @@ def _section_problems(section: str, content: Any, origin: str) -> list[str]:
     unknown = _unknown_keys(section, content, origin)
     if unknown:
         return unknown
+    if section == "cameras" and isinstance(content, Mapping):
+        return [text for name, table in content.items() for text in _problem(f"cameras.{name}", table, Camera, origin)]
+    return _problem(section, content, _SECTIONS[section], origin)
+
+
+def _problem(name: str, content: Any, kind: Any, origin: str) -> list[str]:
     try:
-        msgspec.convert(content, _SECTIONS[section])
+        msgspec.convert(content, kind)
     except msgspec.ValidationError as error:
-        return [_explain(section, content, str(error), origin)]
+        return [_explain(name, content, str(error), origin)]
     return []
 
 

@@ -187,7 +187,10 @@ def _whole(values: dict[str, str], key: str, origin: str) -> int:
 
 
 def _numbers(values: dict[str, str], key: str, origin: str) -> tuple[float, ...]:
-    text = _text(values, key, origin).strip("[]")
+    text = _text(values, key, origin)
+    if not (text.startswith("[") and text.endswith("]")):
+        raise config.ConfigError(f"{origin}: {key} = {text[:60]!r}: expected a list of numbers in brackets")
+    text = text[1:-1]
     try:
         return tuple(float(part) for part in text.split(",") if part.strip())
     except ValueError as error:
