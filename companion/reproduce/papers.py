@@ -17,7 +17,9 @@ class NotReproduced(ValueError):
     """There is no reproduction of that name. The text says which there are."""
 
 
-def _lazily(key: str) -> Reproduce:
+def reproducer(key: str) -> Reproduce:
+    """What reproduces that paper; its module is looked for at the call, and NotReproduced where there is none."""
+
     def reproduce(quick: bool) -> Reproduction:
         name = f"{__package__}.{key}"
         try:
@@ -32,7 +34,7 @@ def _lazily(key: str) -> Reproduce:
     return reproduce
 
 
-PAPERS: dict[str, Reproduce] = {key: _lazily(key) for key in ("shivam", "falanga", "guo", "kim", "dalang")}
+PAPERS: dict[str, Reproduce] = {key: reproducer(key) for key in ("shivam", "falanga", "guo", "kim", "dalang")}
 """In the order in which they appeared here. Each module has `reproduce(quick: bool) -> Reproduction`."""
 
 

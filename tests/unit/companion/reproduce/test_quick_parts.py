@@ -10,11 +10,10 @@ from xml.dom import minidom
 import pytest
 
 from companion.reproduce.page import write_page
-from companion.reproduce.papers import PAPERS, NotReproduced
+from companion.reproduce.papers import PAPERS, NotReproduced, reproducer
 from companion.reproduce.row import Reproduction, Row
 
 PRESENT = [key for key in PAPERS if find_spec(f"companion.reproduce.{key}") is not None]
-ABSENT = [key for key in PAPERS if key not in PRESENT]
 
 
 @functools.cache
@@ -41,10 +40,9 @@ def test_the_quick_part_gives_rows_figures_notes_and_a_page(key: str, tmp_path: 
             minidom.parse(str(path))
 
 
-@pytest.mark.parametrize("key", ABSENT)
-def test_a_paper_without_a_module_says_so(key: str) -> None:
-    with pytest.raises(NotReproduced, match=key):
-        PAPERS[key](True)
+def test_a_paper_without_a_module_says_so() -> None:
+    with pytest.raises(NotReproduced, match="newton"):
+        reproducer("newton")(True)
 
 
 def test_the_tables_of_shivam_come_out_to_the_printed_digits_but_for_the_misprint() -> None:
