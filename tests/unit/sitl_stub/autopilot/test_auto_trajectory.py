@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sitl_stub.autopilot.trajectory import (
@@ -31,6 +31,7 @@ def test_an_axis_reaches_its_speed_within_the_limits(start_m_s: float, target_m_
     assert axis.velocity_m_s == pytest.approx(target_m_s, abs=0.03)
 
 
+@settings(deadline=None, max_examples=30)
 @given(st.floats(-30.0, 30.0), st.floats(-30.0, 30.0), st.floats(-30.0, 0.0))
 def test_a_point_comes_to_its_target_and_stays(x: float, y: float, z: float) -> None:
     point = SmoothedPoint()
