@@ -71,15 +71,12 @@ def yaw_turn(instants: Sequence[Instant]) -> YawTurn | None:
 
 def flight_rows(quick: bool) -> tuple[list[Row], list[Chart]]:
     """Quick: one turned landing. Full: everything."""
-    turned = near_deck(1, turned_deg=TURNED_DEG)
-    rows, charts = (
-        _turn_rows([turned] if quick else [turned, *(near_deck(s, turned_deg=TURNED_DEG) for s in (2, 3))]),
-        [],
-    )
-    charts += [_yaw_chart("Yaw error, turned by 15 degrees at the start", turned), _offset_chart(turned)]
+    turned = [near_deck(seed, turned_deg=TURNED_DEG) for seed in ((1,) if quick else (1, 2))]
+    rows = _turn_rows(turned)
+    charts = [_yaw_chart("Yaw error, turned by 15 degrees at the start", turned[0]), _offset_chart(turned[0])]
     if quick:
         return rows, charts
-    rows += _trigger_rows((1, 2, 3))
+    rows += _trigger_rows(turned, [near_deck(seed, yaw="pad", turned_deg=TURNED_DEG) for seed in (1, 2)])
     hidden = near_deck(1, faults=[COVERED])
     rows += _hold_rows(hidden)
     charts.append(_offset_chart(hidden, "Marker hidden for 3 s"))
@@ -116,10 +113,8 @@ def _turn_rows(flights: Sequence[WatchedFlight]) -> list[Row]:
     ]
 
 
-def _trigger_rows(seeds: Sequence[int]) -> list[Row]:
-    table = f"Event trigger (n = {len(seeds)} each, medians)"
-    on = [near_deck(seed, turned_deg=TURNED_DEG) for seed in seeds]
-    off = [near_deck(seed, yaw="pad", turned_deg=TURNED_DEG) for seed in seeds]
+def _trigger_rows(on: Sequence[WatchedFlight], off: Sequence[WatchedFlight]) -> list[Row]:
+    table = f"Event trigger (n = {len(on)} each, medians)"
     with_s, without_s = _median([landing_s(flight) for flight in on]), _median([landing_s(flight) for flight in off])
     return [
         number_row(table, "landing with it", 18.0, round(with_s, 1), "s", 2.0, good=-1),
