@@ -57,4 +57,6 @@ def test_the_markdown_has_every_table_and_refers_to_its_figures() -> None:
 def test_what_is_written_can_be_read_again(tmp_path: Path) -> None:
     written = write_page(MADE, tmp_path / "new", ["Made by `x`."])
     assert [path.name for path in written] == ["test.html", "test.md", "test-01-path-pad.svg"]
-    assert minidom.parseString(figure_file(CHART)).documentElement.getAttribute("xmlns") == "http://www.w3.org/2000/svg"
+    root = minidom.parseString(figure_file(CHART)).documentElement
+    assert root is not None
+    assert root.getAttribute("xmlns") == "http://www.w3.org/2000/svg"
