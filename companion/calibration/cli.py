@@ -76,6 +76,9 @@ def delay(
     frames: Annotated[str | None, typer.Option(help="folder://DIR with times; absent: the live camera.")] = None,
     log: Annotated[Path | None, typer.Option(help="Telemetry log (.tlog) of the same time.")] = None,
     seconds: Annotated[float, typer.Option(help="How long to listen, live.")] = 20.0,
+    gyro_cutoff_hz: Annotated[
+        float, typer.Option(min=0.0, help="The vehicle's IMU_GYRO_CUTOFF, whose delay is made good; 0: no filter.")
+    ] = 40.0,
 ) -> None:
     """Measure how late frames are stamped, against the gyro. Turn the vehicle to and fro, irregularly, before a far scene."""
     from companion.calibration.command import delay_lines, live_delay, recorded_delay
@@ -88,9 +91,9 @@ def delay(
         if (frames is None) != (log is None):
             _fail("--frames and --log belong together: the frames and the telemetry log of one recording")
         if frames is not None and log is not None:
-            found = recorded_delay(loaded, camera, frames, log)
+            found = recorded_delay(loaded, camera, frames, log, gyro_cutoff_hz)
         else:
-            found = live_delay(loaded, camera, seconds)
+            found = live_delay(loaded, camera, seconds, gyro_cutoff_hz)
     except (ValueError, OSError) as error:
         _fail(str(error))
     for line in delay_lines(found, camera):

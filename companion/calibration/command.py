@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 import tempfile
 import time
 from collections.abc import AsyncGenerator
@@ -83,7 +84,7 @@ async def _collect(request: LensRequest, console: Console) -> Collection:
     until = time.monotonic() + request.seconds if is_live else float("inf")
     with Live(console=console, auto_refresh=False, transient=not is_live) as live:
         drawn = 0.0
-        async with aclosing(_stream(request.source)) as stream:
+        async with aclosing(_stream(request.source, until)) as stream:
             async for frame in stream:
                 # In a thread, so that the newest frame is there when this one is done with.
                 await asyncio.to_thread(collection.add, frame.image(), frame.name)
@@ -96,9 +97,15 @@ async def _collect(request: LensRequest, console: Console) -> Collection:
     return collection
 
 
-async def _stream(url: str) -> AsyncGenerator[CameraFrame, None]:
-    """An async generator that can be closed, whatever the source."""
-    async for frame in frames(url):
+async def _stream(url: str, until_s: float) -> AsyncGenerator[CameraFrame, None]:
+    """Frames until that monotonic time, also where the camera goes silent before. An async generator that can be closed."""
+    source = aiter(frames(url))
+    while True:
+        try:
+            async with asyncio.timeout(max(0.0, until_s - time.monotonic()) if math.isfinite(until_s) else None):
+                frame = await anext(source)
+        except (StopAsyncIteration, TimeoutError):
+            return
         yield frame
 
 
@@ -137,25 +144,25 @@ class Measured:
     clock: CaptureClock
 
 
-def recorded_delay(config: Config, camera: str, source: str, log: Path) -> Measured:
+def recorded_delay(config: Config, camera: str, source: str, log: Path, gyro_cutoff_hz: float) -> Measured:
     """From frames and a telemetry log of the same time. ValueError or CameraError where they do not fit together."""
     collected, clock = asyncio.run(_turns(config, camera, source, float("inf")))
-    return _compared(collected, clock, TlogColumns.read(log), config)
+    return _compared(collected, clock, TlogColumns.read(log), config, gyro_cutoff_hz)
 
 
-def live_delay(config: Config, camera: str, seconds: float) -> Measured:
+def live_delay(config: Config, camera: str, seconds: float, gyro_cutoff_hz: float) -> Measured:
     """From the configured camera and link, while somebody turns the vehicle to and fro."""
-    return asyncio.run(_live_delay(config, camera, seconds))
+    return asyncio.run(_live_delay(config, camera, seconds, gyro_cutoff_hz))
 
 
-async def _live_delay(config: Config, camera: str, seconds: float) -> Measured:
+async def _live_delay(config: Config, camera: str, seconds: float, gyro_cutoff_hz: float) -> Measured:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "heard.tlog"
         writer = TlogWriter(path)  # stamped on the monotonic clock, as live frames are
         async with open_link(config.link.url, lambda data: writer.write(time.monotonic_ns() // 1000, data)):
             collected, clock = await _turns(config, camera, config.cameras[camera].source, seconds)
         writer.close()
-        return _compared(collected, clock, TlogColumns.read(path), config)
+        return _compared(collected, clock, TlogColumns.read(path), config, gyro_cutoff_hz)
 
 
 async def _turns(config: Config, camera: str, source: str, seconds: float) -> tuple[ImageTurns, CaptureClock]:
@@ -163,7 +170,7 @@ async def _turns(config: Config, camera: str, source: str, seconds: float) -> tu
     collected = ImageTurns(from_config(config.cameras[camera]), R_BC)
     clock: CaptureClock | None = None
     until = time.monotonic() + seconds
-    async with aclosing(_stream(source)) as stream:
+    async with aclosing(_stream(source, until)) as stream:
         async for frame in stream:
             clock = frame.clock
             image = frame.image()
@@ -176,8 +183,10 @@ async def _turns(config: Config, camera: str, source: str, seconds: float) -> tu
     return collected, clock
 
 
-def _compared(collected: ImageTurns, clock: CaptureClock, log: TlogColumns, config: Config) -> Measured:
-    gyro = gyro_record(log, clock, config.link.target_system)
+def _compared(
+    collected: ImageTurns, clock: CaptureClock, log: TlogColumns, config: Config, gyro_cutoff_hz: float
+) -> Measured:
+    gyro = gyro_record(log, clock, config.link.target_system, cutoff_hz=gyro_cutoff_hz)
     return Measured(measure_delay(collected.turns(), gyro.t_s, gyro.rates_rad_s), clock)
 
 

@@ -2,11 +2,13 @@
 
 ATTITUDE and ODOMETRY carry them with the autopilot's boot time. Frames on another clock are met through the log's own stamps:
 the message that travelled fastest says how far the two clocks are apart, to within the shortest transport delay (a millisecond
-or so on a wire).
+or so on a wire). PX4 sends its rates behind a low pass of second order (IMU_GYRO_CUTOFF), which delays what it lets through: the
+record's times are those at which the vehicle turned so, not those at which the filter said it.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,6 +25,8 @@ BOOT_US: dict[str, tuple[str, float]] = {
 }
 """Messages with body rates, and where their time stands, in microseconds times this."""
 
+GYRO_CUTOFF_HZ = 40.0
+"""PX4's default of IMU_GYRO_CUTOFF."""
 RATES = ("rollspeed", "pitchspeed", "yawspeed")
 
 
@@ -35,20 +39,28 @@ class GyroRecord:
     message: str
 
 
-def gyro_record(log: TlogColumns, clock: CaptureClock, system: int = 1) -> GyroRecord:
+def filter_lag_s(cutoff_hz: float) -> float:
+    """Group delay of a Butterworth low pass of second order, well below its cutoff; 0 Hz stands for no filter."""
+    return math.sqrt(2.0) / (2.0 * math.pi * cutoff_hz) if cutoff_hz > 0.0 else 0.0
+
+
+def gyro_record(
+    log: TlogColumns, clock: CaptureClock, system: int = 1, *, cutoff_hz: float = GYRO_CUTOFF_HZ
+) -> GyroRecord:
     """The message with the most samples. ValueError where the log has none, or the frames' clock is not in it."""
     if clock is CaptureClock.MEDIA:
         raise ValueError(
             "the frames' times are a clock of their own; a delay needs times in capture_boot_us or t_unix_ns"
         )
-    found = [_record(log[name], name, clock, system) for name in BOOT_US if name in log]
+    lag_s = filter_lag_s(cutoff_hz)
+    found = [_record(log[name], name, clock, system, lag_s) for name in BOOT_US if name in log]
     usable = [record for record in found if len(record.t_s) >= 2]
     if not usable:
         raise ValueError(f"the log has no body rates of system {system}: none of {', '.join(BOOT_US)}")
     return max(usable, key=lambda record: len(record.t_s))
 
 
-def _record(columns: MessageColumns, name: str, clock: CaptureClock, system: int) -> GyroRecord:
+def _record(columns: MessageColumns, name: str, clock: CaptureClock, system: int, lag_s: float) -> GyroRecord:
     key, to_us = BOOT_US[name]
     own = columns.system == system
     boot_us = columns[key][own].astype(np.float64) * to_us
@@ -56,7 +68,7 @@ def _record(columns: MessageColumns, name: str, clock: CaptureClock, system: int
     if not len(boot_us):
         return GyroRecord(boot_us, rates, name)
     offset_us = 0.0 if clock is CaptureClock.AUTOPILOT else float(np.min(columns.t_us[own] - boot_us))
-    t_s = (boot_us + offset_us) / 1e6
+    t_s = (boot_us + offset_us) / 1e6 - lag_s
     order = np.unique(t_s, return_index=True)[1]
     usable = order[np.isfinite(rates[order]).all(axis=1)]
     return GyroRecord(t_s[usable], rates[usable], name)

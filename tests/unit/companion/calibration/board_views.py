@@ -8,7 +8,8 @@ from typing import Any
 import cv2
 import numpy as np
 
-from companion.calibration.board import Board, BoardView
+from companion.calibration.board import Board, BoardView, squares
+from companion.vision.pinhole import Pinhole
 
 PX_PER_M = 4000.0
 OVER = 2
@@ -65,3 +66,24 @@ def rendered(texture: Any, lens: Any, R: Any, p: Any, rng: Any) -> Any:
     big = cv2.remap(texture, maps[0], maps[1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=200)
     image = cv2.resize(big, (lens.width_px, lens.height_px), interpolation=cv2.INTER_AREA).astype(np.float32)
     return np.clip(image + rng.normal(0.0, 2.0, image.shape), 0, 255).astype(np.uint8)
+
+
+LENS = Pinhole(480, 320, 300.0, 299.0, 236.0, 162.0, (-0.2, 0.05, 0.0, 0.0))
+
+
+@functools.cache
+def board_texture() -> Any:
+    """The default board as printed."""
+    texture = np.full((round(0.18 * PX_PER_M), round(0.24 * PX_PER_M)), 240, np.uint8)
+    for r in squares(Board()):
+        left, top, right, bottom = (round(v * PX_PER_M) for v in (r.x, r.y, r.x + r.width, r.y + r.height))
+        texture[top:bottom, left:right] = 20
+    return texture
+
+
+@functools.cache
+def waved_board() -> tuple[Any, ...]:
+    """Pictures by LENS of the default board held at 20 places."""
+    rng = np.random.default_rng(11)
+    views = poses(20, 5, spread=0.55, distance_m=(0.2, 0.4))
+    return tuple(rendered(board_texture(), LENS, R, p, rng) for R, p in views)

@@ -2,48 +2,33 @@
 
 from __future__ import annotations
 
-import functools
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
 import pytest
-from board_views import PX_PER_M, poses, rendered
+from board_views import LENS, board_texture, poses, rendered, waved_board
 from pymavlink.dialects.v20 import common as mavlink
 from typer.testing import CliRunner, Result
 
-from companion.calibration.board import Board, squares
+from companion.calibration.board import Board
 from companion.calibration.collect import Collection
+from companion.calibration.gyro_log import filter_lag_s
 from companion.cli import app
 from companion.config import load
 from companion.io.camera_info import read
 from companion.io.tlog import TlogWriter
-from companion.vision.pinhole import Pinhole
-
-LENS = Pinhole(480, 320, 300.0, 299.0, 236.0, 162.0, (-0.2, 0.05, 0.0, 0.0))
 
 
 def invoked(*arguments: str) -> Result:
     return CliRunner().invoke(app, ["calibrate", *arguments], env={"COLUMNS": "200"})
 
 
-@functools.cache
-def board_texture() -> Any:
-    board = Board()
-    texture = np.full((round(0.18 * PX_PER_M), round(0.24 * PX_PER_M)), 240, np.uint8)
-    for r in squares(board):
-        left, top, right, bottom = (round(v * PX_PER_M) for v in (r.x, r.y, r.x + r.width, r.y + r.height))
-        texture[top:bottom, left:right] = 20
-    return texture
-
-
 @pytest.fixture(scope="module")
 def pictures(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("pictures")
-    rng = np.random.default_rng(11)
-    for index, (R, p) in enumerate(poses(20, 5, spread=0.55, distance_m=(0.2, 0.4))):
-        cv2.imwrite(str(folder / f"view{index:02}.png"), rendered(board_texture(), LENS, R, p, rng))
+    for index, picture in enumerate(waved_board()):
+        cv2.imwrite(str(folder / f"view{index:02}.png"), picture)
     (folder / "broken.png").write_bytes(b"no picture")
     cv2.imwrite(str(folder / "empty.png"), np.full((320, 480), 90, np.uint8))
     return folder
@@ -123,11 +108,11 @@ SETTINGS = (
 
 
 def roll(t: float) -> float:
-    return 0.08 * (np.sin(4.4 * t) + np.sin(8.2 * t + 1.0) + 0.7 * np.sin(13.1 * t + 2.0))
+    return float(0.08 * (np.sin(4.4 * t) + np.sin(8.2 * t + 1.0) + 0.7 * np.sin(13.1 * t + 2.0)))
 
 
 def roll_rate(t: float) -> float:
-    return 0.08 * (4.4 * np.cos(4.4 * t) + 8.2 * np.cos(8.2 * t + 1.0) + 0.7 * 13.1 * np.cos(13.1 * t + 2.0))
+    return float(0.08 * (4.4 * np.cos(4.4 * t) + 8.2 * np.cos(8.2 * t + 1.0) + 0.7 * 13.1 * np.cos(13.1 * t + 2.0)))
 
 
 @pytest.fixture(scope="module")
@@ -157,11 +142,33 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_delay_is_measured_from_a_recording(recording: Path) -> None:
     frames, log, settings = (str(recording / name) for name in ("frames", "flight.tlog", "my.toml"))
-    result = invoked("delay", "-c", settings, "--frames", f"folder://{frames}", "--log", log)
+    result = invoked("delay", "-c", settings, "--frames", f"folder://{frames}", "--log", log, "--gyro-cutoff-hz", "0")
     assert result.exit_code == 0, result.output
     found_s = float(result.output.rsplit("delay_s = ", 1)[1])
     # The log cannot tell the shortest transport delay, 2 ms here, from the clocks' distance.
     assert found_s == pytest.approx(DELAY_S - 0.002, abs=0.003)
+
+
+@pytest.mark.parametrize("turning_hz", [0.5, 2.0, 4.0])
+def test_what_a_hand_can_turn_comes_through_the_gyros_filter_that_much_later(turning_hz: float) -> None:
+    """The phase of 1 / (1 + sqrt(2) s + s^2), over the frequency."""
+    s = 1j * turning_hz / 40.0
+    phase_rad = -np.angle(1.0 / (1.0 + np.sqrt(2.0) * s + s * s))
+    assert filter_lag_s(40.0) == pytest.approx(phase_rad / (2.0 * np.pi * turning_hz), rel=0.01)
+    assert filter_lag_s(0.0) == 0.0
+
+
+def test_a_vehicle_with_the_usual_gyro_filter_adds_its_lag(recording: Path) -> None:
+    frames, log, settings = (str(recording / name) for name in ("frames", "flight.tlog", "my.toml"))
+    found = [
+        float(
+            invoked(
+                "delay", "-c", settings, "--frames", f"folder://{frames}", "--log", log, "--gyro-cutoff-hz", cutoff
+            ).output.rsplit("delay_s = ", 1)[1]
+        )
+        for cutoff in ("0", "40")
+    ]
+    assert found[1] - found[0] == pytest.approx(filter_lag_s(40.0), abs=0.0005)
 
 
 def test_frames_on_a_clock_of_their_own_have_no_delay(recording: Path, tmp_path: Path) -> None:
