@@ -1,4 +1,4 @@
-"""The files under deploy/ start what exists, with options that exist."""
+"""The files under docs/deploy/ start what exists, with options that exist."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from companion.cli import app
 
-DEPLOY = Path(__file__).resolve().parents[1] / "deploy"
+DEPLOY = Path(__file__).resolve().parents[1] / "docs" / "deploy"
 
 
 def unit() -> configparser.SectionProxy:
@@ -51,7 +51,7 @@ def test_the_container_copies_what_is_there_and_runs_what_is_understood() -> Non
     lines = (DEPLOY / "Containerfile").read_text(encoding="utf-8").splitlines()
     for line in lines:
         if line.startswith("COPY "):
-            assert all((DEPLOY.parent / name).exists() for name in line.split()[1:-1])
+            assert all((DEPLOY.parents[1] / name).exists() for name in line.split()[1:-1])
     arguments = next(line for line in lines if line.startswith("CMD ")).removeprefix("CMD ")
     result = CliRunner().invoke(app, json.loads(arguments))
     assert "/etc/companion/companion.toml: cannot be read" in result.stderr
