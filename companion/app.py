@@ -385,6 +385,7 @@ def run_live(config: Config, *, start: bool, runs: Path, show: bool, console: Co
     """`companion run`: fly, keep a run folder, say how it ended. 0 where the vehicle stands on the pad, disarmed,
     or where Companion only guided."""
     console = console or Console()
+    signing_of(config.link)  # a wrong key file is an error before anything is made
     folder = RunFolder(runs, time.strftime("run-%Y%m%d-%H%M%S"))
     folder.write_config(config)
     console.print(
