@@ -118,6 +118,18 @@ def test_range_over_the_deck_is_fused_once_vision_is_gone() -> None:
     assert result.observe(range_reading(2.37, None)) is None
 
 
+def test_range_goes_on_telling_the_height_where_vision_gives_bearings_only() -> None:
+    config = Estimation(estimator="bearing_ukf", ground_down_m=-0.3)  # 20 cm wrong
+    result = make_tracker(config, Pad(), {"down": Camera(position_frd_m=(0.0, 0.0, 0.0))})
+    for k in range(150):
+        result.add_vehicle_state(vehicle(0.02 * k))
+        if k % 2 and k > 3:
+            t_s = 0.02 * (k - 2)
+            result.observe(PadBearing(round(t_s * 1e9), "down", "test", (0.0, 0.0, 1.0), 0.005))
+            result.observe(range_reading(t_s, 4.5))
+    assert relative(result)[2] == pytest.approx(4.5, abs=0.05)
+
+
 def test_a_bearing_alone_keeps_the_track() -> None:
     result = flown(2.0)
     length = math.hypot(1.0, 4.5)

@@ -7,8 +7,9 @@ from pads import circle, error_m, figure_8, frames, line, ns, sights, still
 
 from companion.compiled import room
 from companion.config import Estimation
-from companion.estimation import ESTIMATORS
+from companion.estimation import ESTIMATORS, PadMeasurement
 from companion.estimation.unicycle import predict_unicycle, update_position
+from companion.messages import ObservationSource
 
 
 def plain(kernel):
@@ -52,3 +53,19 @@ def test_a_pad_that_stands_still_is_held_in_place() -> None:
     for m in sights(still, frames(0.0, 5.0), seed=2):
         estimator.observe(m)
     assert error_m(estimator.estimate(ns(5.0)), still(5.0)) < 0.05
+
+
+def test_near_the_deck_the_range_sensor_corrects_the_height_alone() -> None:
+    estimator = ESTIMATORS["unicycle"](Estimation())
+    for m in sights(line(1.2), frames(0.0, 4.0), seed=3):
+        estimator.observe(m)
+    before = estimator.estimate(ns(4.5))
+    assert before is not None
+    down_m = before.position_ned_m[2] + 0.1
+    for k in range(20):
+        reading = PadMeasurement(ns(4.05 + 0.02 * k), ObservationSource.RANGE, height_o_m=down_m, height_sigma_m=0.05)
+        assert estimator.observe(reading).accepted
+    after = estimator.estimate(ns(4.5))
+    assert after is not None
+    assert after.position_ned_m[2] == pytest.approx(down_m, abs=0.02)
+    assert after.position_ned_m[:2] == pytest.approx(before.position_ned_m[:2], abs=0.01)
