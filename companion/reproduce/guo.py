@@ -14,7 +14,8 @@ ERRATA = (
     "Fig. 3 says that a larger T shrinks the deviation of minimum snap and then sharpens its corners. From rest to rest and "
     "with the time shared by distance the optimum is one shape at every T: scaling time scales the cost and nothing else. "
     "Their solver works to an absolute accuracy while the cost falls with the seventh power of T, which may be the reason.",
-    "A corridor of 3 m cannot have a mean deviation of 1.68 m in the plane; ours keeps within its half width.",
+    "A corridor of 3 m cannot have a mean deviation of 1.68 m in the plane (in space its corners are 2.1 m away); ours keeps "
+    "within.",
     "The box's 50 cm of length and its 15 and 10 cm to front and rear do not add up: read as 25 cm along, 50 cm across.",
 )
 
