@@ -69,7 +69,7 @@ const ground = Math.min(0, low[2]), step = size > 25 ? 10 : 1;
 let turn = -0.7, tilt = 0.5, zoom = 1;
 const end = Math.max(...data.vehicle.map(p => p[0]));
 function at(n, e, u) {
-  const x = e - middle[1], y = n - middle[0], z = u - middle[2], s = 1.1 * canvas.height / size * zoom;
+  const x = e - middle[1], y = n - middle[0], z = u - middle[2], s = 0.95 * canvas.height / size * zoom;
   const a = x * Math.cos(turn) + y * Math.sin(turn), b = y * Math.cos(turn) - x * Math.sin(turn);
   return [canvas.width / 2 + a * s, canvas.height / 2 - (z * Math.cos(tilt) + b * Math.sin(tilt)) * s];
 }
