@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from companion.config import Config
-from companion.geometry import rotate
+from companion.geometry import rotate, subtract
 from companion.messages import CameraImage, PadBearing, Phase
 from companion.mount import mounted
 from companion.reproduce.falanga import phase_bands
@@ -37,8 +37,10 @@ Array = npt.NDArray[np.float64]
 HEIGHTS_M = (0.5, 1.0, 2.0, 3.0, 5.0, 8.0)
 ATTITUDE_ERROR_DEG = 1.0
 """The paper's attitude is about 1 degree off during the whole flight."""
-SPEED_FOUND_M_S, HELD_S = 0.2, 2.0
+SPEED_FOUND_M_S, HELD_S = 0.25, 2.0
 WIND_M_S = 7.0
+LOW = {"mission.follow_height_m": 1.5, "mission.approach_height_m": 3.0}
+"""A shorter ramp, for the quick part."""
 FOLLOWING = (Phase.FOLLOW, Phase.DESCEND, Phase.COMMIT)
 ERRATA = (
     "The paper's K and C, lens coefficients and gains are not printed: what is taken instead is stated in the notes.",
@@ -49,7 +51,9 @@ NOTES = (
     f"Geolocation is measured with perfect attitude and with a tilt {ATTITUDE_ERROR_DEG:g} degree off, offsets of up to "
     "one height to the side; with the tilt error it grows in proportion to the height, as the paper finds. Nearer than 3 m "
     "another error is larger: the middle of a large patch in a fisheye is not the image of the target's middle.",
-    "The vehicle's time to the target's speed includes flying the 6 m to it; 'found' is the filter's velocity, true to 0.2 m/s.",
+    "The vehicle's time to the target's speed includes flying the 6 m to it; 'found' is the filter's velocity relative to the "
+    "vehicle, true to 0.25 m/s: the autopilot's own velocity is off by up to 0.3 m/s here, and with it the target's.",
+    "L1: PX4's velocity loop integrates, so steady wind costs little with or without it; the paper's inner loop does not.",
     "The filter's state is the pad in a frame that moves with the vehicle's own velocity: the paper's relative state and its "
     "velocity input, written once. The height above the ground comes from the range sensor.",
     "The ramp is the mission's last phase begun at 4 m. L1 off: the same law with neither its augmentation nor an integral.",
@@ -59,7 +63,7 @@ NOTES = (
 
 def reproduce(quick: bool) -> Reproduction:
     """Quick: geolocation on few frames and one landing. Full: also with and without L1 in wind."""
-    config = preset("kim")
+    config = preset("kim", LOW if quick else None)
     geolocation, chart = _geolocation_rows(config, 3 if quick else 20)
     flight = watched(config, "kim", seed=1, world={"duration_limit_s": 90.0})
     rows = [*geolocation, *_flight_rows(flight)]
@@ -178,6 +182,8 @@ def _flight_rows(flight: WatchedFlight) -> list[Row]:
         slope = np.polyfit([i.t_s for i in ramp], [-i.in_pad_m[2] for i in ramp], 1)[0]
         rows.append(number_row(table, "ramp of the height", -0.1, round(float(slope), 3), "m/s", 0.02))
         high, low = _miss_between(ramp, 1.5, 9.0), _miss_between(ramp, 0.0, 1.0)
+        if math.isnan(high):
+            return rows
         shrinks = f"{high:.2f} m above 1.5 m, {low:.2f} m below 1 m"
         rows.append(_said(table, "horizontal error shrinks with height", "yes", shrinks, low < high))
     return rows
@@ -190,17 +196,17 @@ def _first_sight_s(flight: WatchedFlight) -> float:
 
 
 def speed_found_after_s(flight: WatchedFlight) -> float:
-    """From the first bearing until the filter's velocity is true to SPEED_FOUND_M_S for HELD_S."""
+    """From the first bearing until the filter's relative velocity is true to SPEED_FOUND_M_S for HELD_S."""
     sights = flight.watch.sights
     if not sights:
         return math.nan
-    truth = {round(i.t_s, 1): i.pad_velocity_m_s for i in flight.watch.instants}
+    truth = {round(i.t_s, 1): subtract(i.pad_velocity_m_s, i.velocity_m_s) for i in flight.watch.instants}
     good_since: float | None = None
-    for t_s, estimate in flight.watch.estimates:
+    for t_s, estimated in flight.watch.relative_velocities:
         velocity = truth.get(round(t_s, 1))
         if velocity is None:
             continue
-        away = math.dist(velocity[:2], estimate.velocity_ned_m_s[:2])
+        away = math.dist(velocity[:2], estimated[:2])
         good_since = (t_s if good_since is None else good_since) if away < SPEED_FOUND_M_S else None
         if good_since is not None and t_s - good_since >= HELD_S:
             return good_since - sights[0][0]
@@ -275,7 +281,7 @@ def _adaptive_rows(seeds: Sequence[int]) -> tuple[list[Row], Chart]:
         for name, error in errors.items()
     ]
     said = f"{errors['with L1']:.2f} against {errors['without']:.2f} m"
-    rows.append(_said(table, "L1 makes the error smaller", "yes", said, errors["with L1"] < errors["without"]))
+    rows.append(_said(table, "L1 makes the error smaller", "yes", said, errors["with L1"] < 0.9 * errors["without"]))
     lines = tuple(
         Line(name, colour, *_error_line(flights[name][0]))
         for name, colour in (("with L1", "#0a7"), ("without", "#c33"))

@@ -12,7 +12,7 @@ from typing import Any
 
 from companion.campaign.runner import CLOCK_OFFSET_NS, FlightResult, fly
 from companion.config import Config, load_with
-from companion.geometry import yaw_of
+from companion.geometry import subtract, yaw_of
 from companion.messages import (
     PadBearing,
     PadEstimate,
@@ -21,6 +21,7 @@ from companion.messages import (
     Phase,
     PhaseChanged,
     Vec3,
+    VehicleState,
 )
 from companion.onboard import JournalEntry
 from sitl_stub.scenario import find, load, with_overrides
@@ -44,13 +45,16 @@ class Instant:
 
 
 class FlightWatch:
-    """A Sink. `instants` come at 20 Hz, `estimates` with every tick, `sights` with every frame that was searched."""
+    """A Sink. `instants` come at 20 Hz, `estimates` with every tick, `sights` with every frame that was searched;
+    `relative_velocities` are the estimated pad's minus the autopilot's own, W."""
 
     def __init__(self) -> None:
         self.phase = Phase.IDLE
         self.instants: list[Instant] = []
         self.changes: list[tuple[float, PhaseChanged]] = []
         self.estimates: list[tuple[float, PadEstimate]] = []
+        self.relative_velocities: list[tuple[float, Vec3]] = []
+        self.state: VehicleState | None = None
         self.sights: list[tuple[float, PadObservation | PadBearing]] = []
         self.misses: list[tuple[float, PadNotSeen]] = []
 
@@ -64,6 +68,12 @@ class FlightWatch:
                 case PhaseChanged() as change:
                     self.phase = change.after
                     self.changes.append((t_s, change))
+                case VehicleState() as state:
+                    self.state = state
+                case PadEstimate() as estimate if self.state is not None:
+                    seen = subtract(estimate.velocity_ned_m_s, self.state.velocity_ned_m_s)
+                    self.relative_velocities.append((t_s, seen))
+                    self.estimates.append((t_s, estimate))
                 case PadEstimate() as estimate:
                     self.estimates.append((t_s, estimate))
                 case PadObservation() | PadBearing() as sight:
