@@ -1,7 +1,7 @@
 """`falanga`: landing on a moving platform with onboard vision (Falanga et al., SSRR 2017). Times and flights.
 
 The preset finds the platform by itself, follows and lands: line, circle and figure-8, and with the tag covered for 2 s.
-Times are of this machine, each the mean over frames or plans. Called through papers.py.
+Times are CPU times of one core of this machine, each the mean over frames or plans. Called through papers.py.
 """
 
 from __future__ import annotations
@@ -44,15 +44,16 @@ PATHS: tuple[tuple[str, dict[str, Any], float], ...] = tuple(
     for speed in (1.0, 4.2)
 )
 LIMIT_S = 45.0
-ERRATA = ("Equation and table agree; nothing printed had to be corrected.",)
 NOTES = (
     "The paper prints neither the tag's dimensions nor path sizes: ring 1.2 m, circle of 12 m radius, figure-8 of 50 x 16 m.",
     "The platform starts 15 m away and drives towards the vehicle; there is no beacon, the vehicle begins at 12 m height "
     "with an expanding square and follows the first sight.",
     "The paper prints no success rates: 'not printed' rows are ours, n as stated. All 12 cells with 50 seeds: "
     "`companion campaign configs/campaigns/falanga.toml`.",
-    "A filter that knows no turn predicts a straight line: on a tight circle the platform leaves the view before the "
-    "vehicle is above it. That is this paper's method; the default pipeline has turn models.",
+    "A filter that knows no turn: at 4.2 m/s on the circle the vehicle follows with a steady offset of about 0.7 m and so never "
+    "comes within the 0.5 m at which the descent begins. With wider limits it went down and missed, since the last metre is "
+    "blind and the prediction straight. The default pipeline has turn models.",
+    "Times are CPU time of one core of the machine that made this page. "
     "Their detector thresholds once; ours looks for the ring at several sizes, so `threshold` is the labelling of one image "
     "at full size. `quadrangle` is the fallback and rarely runs.",
     "The paper stops the motors by the range to the deck; here touchdown evidence is asked for first.",
@@ -78,7 +79,7 @@ def reproduce(quick: bool) -> Reproduction:
         title="Falanga et al. 2017: vision-based autonomous landing on a moving platform",
         rows=tuple(rows),
         figures=tuple(charts),
-        errata=ERRATA,
+        errata=(),
         notes=NOTES,
     )
 
@@ -134,9 +135,9 @@ def _time_stages(detector: Any, lens: Any, image: Image, times: dict[str, list[f
 
 
 def _timed(times: list[float], call: Callable[..., Any], *arguments: Any, **keys: Any) -> Any:
-    begin = time.perf_counter()
+    begin = time.thread_time()
     result = call(*arguments, **keys)
-    times.append(1e3 * (time.perf_counter() - begin))
+    times.append(1e3 * (time.thread_time() - begin))
     return result
 
 
@@ -160,9 +161,9 @@ def _plan_ms(planning: Any, request: PlanRequest) -> float:
     least = math.inf
     for _ in range(3):
         planner = PLANNERS["min_jerk"](planning)  # a fresh one: a running plan would be kept
-        begin = time.perf_counter()
+        begin = time.thread_time()
         found = planner.plan(request)
-        least = min(least, time.perf_counter() - begin)
+        least = min(least, time.thread_time() - begin)
         assert isinstance(found, Plan), found
     return 1e3 * least
 
