@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import pytest
 
-from companion.config import Config, Mission
+from companion.config import Config, Mission, load
 from companion.doctor import CHECKS, Evidence, Level, diagnose
 from companion.doctor.command import as_json, exit_status
 from companion.doctor.evidence import FrameSample
@@ -226,3 +226,11 @@ def _doctor(app: int, camera: int) -> dict:
         ):
             break
     return dict(told)
+
+
+def test_a_vehicle_with_another_signing_key_is_not_called_silent() -> None:
+    config = load([], {"link.signing_key_file": "link.key"})
+    (finding,) = CHECKS["link"](good(config=config, status=None, frames_refused=312))
+    assert finding.level is Level.FAIL
+    assert finding.text == "all 312 frames refused: not signed with the key in link.key"
+    assert "same key in the autopilot" in finding.remedy
