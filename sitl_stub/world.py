@@ -43,6 +43,8 @@ _NEVER_US = 1 << 62
 # Nothing accelerates towards a surface faster than this; it bounds how long clearance lasts.
 _CLOSING_MARGIN_M_S = 8.0
 _LONGEST_CLEAR_S = 0.4
+_named = tuple.__new__
+"""`Datagram._make` without its checks, for pairs that are right: a third of the time."""
 
 
 @dataclass(slots=True)
@@ -184,7 +186,7 @@ class World:
         channel = self._from_vehicle
         if channel.is_clear():
             if sent:
-                output.datagrams += map(Datagram._make, sent)
+                output.datagrams += [_named(Datagram, pair) for pair in sent]
             return
         for link, data in sent:
             channel.send(Datagram(link, data), self.t_us)

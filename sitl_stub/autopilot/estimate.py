@@ -362,16 +362,12 @@ class Estimator:
     def show(self, t_us: int, flat: Any) -> VehicleEstimate:
         """Copy a flat state into the estimate that everybody reads."""
         e = self.estimate
-        values = flat.tolist() if COMPILED else flat
+        shown = flat[POSITION:SIZE].tolist() if COMPILED else flat[POSITION:SIZE]
+        x, y, z, vx, vy, vz, ax, ay, az, e.height_rate_ned_m_s, qw, qx, qy, qz, p, q, r, dp, dq, dr, e.yaw_rad = shown
         e.t_us = t_us
-        e.position_ned_m = (values[50], values[51], values[52])
-        e.velocity_ned_m_s = (values[53], values[54], values[55])
-        e.acceleration_ned_m_s2 = (values[56], values[57], values[58])
-        e.height_rate_ned_m_s = values[59]
-        e.q_ned_frd = (values[60], values[61], values[62], values[63])
-        e.angular_velocity_frd_rad_s = (values[64], values[65], values[66])
-        e.angular_acceleration_frd_rad_s2 = (values[67], values[68], values[69])
-        e.yaw_rad = values[70]
+        e.position_ned_m, e.velocity_ned_m_s, e.acceleration_ned_m_s2 = (x, y, z), (vx, vy, vz), (ax, ay, az)
+        e.q_ned_frd = (qw, qx, qy, qz)
+        e.angular_velocity_frd_rad_s, e.angular_acceleration_frd_rad_s2 = (p, q, r), (dp, dq, dr)
         return e
 
     def _watch_gnss(self, dt_s: float) -> None:

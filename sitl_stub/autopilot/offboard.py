@@ -36,10 +36,15 @@ class LocalTarget:
 
 
 def _masked(values: Vector, mask: int, first_bit: int) -> Vector:
-    x, y, z = (
-        value if isfinite(value) and not mask >> (first_bit + axis) & 1 else nan for axis, value in enumerate(values)
+    ignored = mask >> first_bit
+    if ignored & 7 == 7:
+        return _NOTHING
+    x, y, z = values
+    return (
+        nan if ignored & 1 or not isfinite(x) else x,
+        nan if ignored & 2 or not isfinite(y) else y,
+        nan if ignored & 4 or not isfinite(z) else z,
     )
-    return x, y, z
 
 
 def _turned_by_yaw(values: Vector, yaw_rad: float) -> Vector:
@@ -51,7 +56,8 @@ def _turned_by_yaw(values: Vector, yaw_rad: float) -> Vector:
 
 
 def _controls(values: Vector) -> bool:
-    return any(isfinite(value) for value in values)
+    x, y, z = values
+    return isfinite(x) or isfinite(y) or isfinite(z)
 
 
 class OffboardStream:

@@ -13,5 +13,9 @@ _MIRROR = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 
 def crc16(data: bytes) -> int:
     """Checksum of `data` (frame without its start byte, followed by the message's CRC_EXTRA byte)."""
-    crc = crc_hqx(data.translate(_MIRROR), 0xFFFF)
-    return _MIRROR[crc >> 8] | _MIRROR[crc & 0xFF] << 8
+    return int.from_bytes(crc16_bytes(data), "little")
+
+
+def crc16_bytes(data: bytes) -> bytes:
+    """The same as it stands in a frame, low byte first."""
+    return crc_hqx(data.translate(_MIRROR), 0xFFFF).to_bytes(2, "big").translate(_MIRROR)

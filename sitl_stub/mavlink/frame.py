@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from struct import Struct
 
-from sitl_stub.mavlink.checksum import crc16
+from sitl_stub.mavlink.checksum import crc16_bytes
 from sitl_stub.mavlink.definitions import MESSAGE_TYPES, MessageType
 
 _START_V1 = 0xFE
@@ -19,7 +19,6 @@ SIGNATURE_SIZE = 13
 
 _MAGIC_V2 = bytes((_START_V2,))
 _BODY_V2 = Struct("<BBBBBBHB")
-_CRC = Struct("<H")
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,9 +42,9 @@ def encode(
 ) -> bytes:
     """Version 2 frame without signature (but with the signed flag in `incompat` when one will follow)."""
     payload = payload.rstrip(b"\0") or b"\0"
-    id_low, id_high, extra = message_type.id_low, message_type.id_high, message_type.extra_byte
+    id_low, id_high = message_type.id_low, message_type.id_high
     body = _BODY_V2.pack(len(payload), incompat, 0, sequence, system_id, component_id, id_low, id_high) + payload
-    return b"".join((_MAGIC_V2, body, _CRC.pack(crc16(body + extra))))
+    return _MAGIC_V2 + body + crc16_bytes(body + message_type.extra_byte)
 
 
 class FrameReader:
@@ -104,7 +103,7 @@ def _check(raw: bytes) -> Frame | None:
     message_type = MESSAGE_TYPES.get(message_id)
     if message_type is None:
         return None
-    if crc16(raw[1:end] + message_type.extra_byte) != _CRC.unpack_from(raw, end)[0]:
+    if crc16_bytes(raw[1:end] + message_type.extra_byte) != raw[end : end + 2]:
         return None
     signed = raw[0] == _START_V2 and bool(raw[2] & _INCOMPAT_SIGNED)
     return Frame(message_type, system_id, component_id, raw[begin:end], raw, signed)

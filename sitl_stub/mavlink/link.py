@@ -100,7 +100,7 @@ class Link:
 
     def send_due(self, t_us: int, content: Callable[[MessageType], bytes | None]) -> None:
         """Send every stream that is due; `content` gives the payload or None when there is nothing to say."""
-        due_list = self._due
+        due_list, send = self._due, self.send
         while due_list and due_list[0][0] <= t_us:
             due_us, order, generation, stream = due_list[0]
             if generation != stream.generation:
@@ -108,7 +108,8 @@ class Link:
                 continue
             next_us = due_us + stream.interval_us
             heapreplace(due_list, (next_us if next_us > t_us else t_us + 1, order, generation, stream))
-            payload = content(stream.message_type)
+            message_type = stream.message_type
+            payload = content(message_type)
             if payload is not None:
                 stream.last_sent_us = t_us
-                self.send(stream.message_type, payload)
+                send(message_type, payload)
