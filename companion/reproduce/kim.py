@@ -185,7 +185,7 @@ def _flight_rows(flight: WatchedFlight) -> list[Row]:
         if math.isnan(high):
             return rows
         shrinks = f"{high:.2f} m above 1.5 m, {low:.2f} m below 1 m"
-        rows.append(_said(table, "horizontal error shrinks with height", "yes", shrinks, low < high))
+        rows.append(_said(table, "horizontal error shrinks with height", "yes", shrinks, low < 0.9 * high))
     return rows
 
 
