@@ -119,7 +119,9 @@ class UnicycleTrack:
         if m.position_o_m is None or m.covariance_m2 is None:
             if m.height_o_m is not None:
                 return self._fuse_height(m, m.height_o_m)
-            return MeasurementVerdict(m.t_ns, m.source, accepted=False, reason="this filter takes positions and ranges only")
+            return MeasurementVerdict(
+                m.t_ns, m.source, accepted=False, reason="this filter takes positions and ranges only"
+            )
         variance = [m.covariance_m2[i][i] + 1e-4 + (m.bias_sigma_m**2 if m.source in BIASED else 0.0) for i in range(3)]
         y = [m.position_o_m[i] - float(self.x[i]) for i in range(3)]
         nis = sum(y[i] * y[i] / (float(self.P[6 * i]) + variance[i]) for i in range(3))
