@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 
@@ -10,13 +12,18 @@ from sitl_stub.camera.image import Floats, Image
 Integers = npt.NDArray[np.intp]
 
 _REACH_PX = 2
+_OFFSETS: Integers = np.arange(-_REACH_PX + 1, _REACH_PX + 1)
 
 
 def edge_pixels(polygon: Floats, width: int, height: int) -> tuple[Integers, Integers]:
     """(columns, rows) within two pixels of the polygon's outline, inside the frame. Some stand in the list twice."""
     columns, rows = [], []
-    for a, b in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
-        x, y = _line_pixels(a, b) if abs(b[0] - a[0]) >= abs(b[1] - a[1]) else _line_pixels(a[::-1], b[::-1])[::-1]
+    corners = polygon.tolist()
+    for (ax, ay), (bx, by) in zip(corners, corners[1:] + corners[:1], strict=True):
+        if abs(bx - ax) >= abs(by - ay):
+            x, y = _line_pixels(ax, ay, bx, by)
+        else:
+            y, x = _line_pixels(ay, ax, by, bx)
         columns.append(x)
         rows.append(y)
     x, y = np.concatenate(columns), np.concatenate(rows)
@@ -31,11 +38,9 @@ def blend_edges(region: Image, rows: Integers, columns: Integers, behind: Image,
     region[rows, columns] = np.rint(mixed).astype(np.uint8)
 
 
-def _line_pixels(a: Floats, b: Floats) -> tuple[Integers, Integers]:
-    """Pixels along a line that runs mainly in the first coordinate."""
-    first, last = sorted((float(a[0]), float(b[0])))
-    along = np.arange(int(np.floor(first)) - _REACH_PX, int(np.ceil(last)) + _REACH_PX + 1)
-    slope = (b[1] - a[1]) / (b[0] - a[0]) if b[0] != a[0] else 0.0
-    across = np.floor(a[1] + (along - a[0]) * slope).astype(np.intp)
-    offsets = np.arange(-_REACH_PX + 1, _REACH_PX + 1)
-    return np.repeat(along, len(offsets)), (across[:, None] + offsets).ravel()
+def _line_pixels(a0: float, a1: float, b0: float, b1: float) -> tuple[Integers, Integers]:
+    """Pixels along a line from a to b that runs mainly in the first coordinate."""
+    along = np.arange(math.floor(min(a0, b0)) - _REACH_PX, math.ceil(max(a0, b0)) + _REACH_PX + 1)
+    slope = (b1 - a1) / (b0 - a0) if b0 != a0 else 0.0
+    across = np.floor(a1 + (along - a0) * slope).astype(np.intp)
+    return along.repeat(len(_OFFSETS)), (across[:, None] + _OFFSETS).ravel()

@@ -178,9 +178,8 @@ def _warp_ground(canvas: Image, ground: Ground, level: int, M: Floats, box: Box)
     x0, y0, x1, y1 = box
     is_magnified = level == 0 and texels_per_px(M, (x0 + x1) / 2, (y0 + y1) / 2) < 1.0
     if not is_magnified:
-        canvas[y0:y1, x0:x1] = _ground_part(
-            ground, level, level_from_base(level) @ M @ _shift(x0, y0), x1 - x0, y1 - y0
-        )
+        warp = level_from_base(level) @ M @ _shift(x0, y0)
+        _ground_part(ground, level, warp, x1 - x0, y1 - y0, canvas[y0:y1, x0:x1])
         return
     width, height = (x1 - x0 + 1) // 2, (y1 - y0 + 1) // 2
     coarse = _ground_part(ground, level, M @ _shift(x0, y0) @ _EVERY_SECOND, width, height)
@@ -188,12 +187,13 @@ def _warp_ground(canvas: Image, ground: Ground, level: int, M: Floats, box: Box)
     canvas[y0:y1, x0:x1] = enlarged[: y1 - y0, : x1 - x0]
 
 
-def _ground_part(ground: Ground, level: int, warp: Floats, width: int, height: int) -> Image:
+def _ground_part(ground: Ground, level: int, warp: Floats, width: int, height: int, into: Image | None = None) -> Image:
     fitting = _fitting(warp, width, height, TILE_PX >> level)
     drawn = cv2.warpPerspective(
         ground.pyramid.levels[level] if fitting is None else ground.repeated[level],
         warp if fitting is None else fitting,
         (width, height),
+        dst=into,
         flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
         borderMode=cv2.BORDER_WRAP,
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import cv2
 import numpy as np
 
@@ -22,6 +24,8 @@ _SHIFT = 4
 
 def clip_half_plane(points: Floats, signed_distance: Floats) -> Floats:
     """Sutherland and Hodgman: the part of a convex polygon (n, d) where the signed distance (n,) is not negative."""
+    if not len(points) or signed_distance.min() >= 0.0:
+        return points
     kept: list[Floats] = []
     for i in range(len(points)):
         a, b = signed_distance[i - 1], signed_distance[i]
@@ -57,12 +61,19 @@ def bounds(polygon_px: Floats, width_px: int, height_px: int) -> Box | None:
     """The pixels a polygon can touch; None where it touches none."""
     if len(polygon_px) < 3:
         return None
-    (x0, y0), (x1, y1) = np.floor(polygon_px.min(axis=0)) - 1, np.ceil(polygon_px.max(axis=0)) + 2
-    x0, y0, x1, y1 = max(0, int(x0)), max(0, int(y0)), min(width_px, int(x1)), min(height_px, int(y1))
+    columns, rows = polygon_px.T.tolist()
+    x0, y0 = max(0, math.floor(min(columns)) - 1), max(0, math.floor(min(rows)) - 1)
+    x1, y1 = min(width_px, math.ceil(max(columns)) + 2), min(height_px, math.ceil(max(rows)) + 2)
     return (x0, y0, x1, y1) if x0 < x1 and y0 < y1 else None
 
 
 def _clip_frame(polygon: Floats, width_px: int, height_px: int) -> Floats:
+    if (
+        len(polygon)
+        and polygon.min() >= -_MARGIN_PX
+        and (polygon <= (width_px + _MARGIN_PX, height_px + _MARGIN_PX)).all()
+    ):
+        return polygon
     for axis, sign, limit in ((0, 1.0, 0.0), (0, -1.0, width_px), (1, 1.0, 0.0), (1, -1.0, height_px)):
         if len(polygon) < 3:
             return np.empty((0, 2))
