@@ -119,7 +119,7 @@ def _seems_landed(k: Any, e: Any, limits: GroundContactLimits, asked: Asked) -> 
 
 
 @used_by_kernels
-def _put_body(row: Any, state: BodyState, acceleration: Vec3) -> None:
+def _put_body(row: Any, state: tuple[float, ...], acceleration: Vec3) -> None:
     row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8] = state[:9]
     row[9], row[10], row[11], row[12], row[13], row[14], row[15], row[16] = state[9:]
     row[17], row[18], row[19] = acceleration
@@ -147,28 +147,45 @@ def fly_steadily(
     decision are made. From step `kept_from` on, the state that messages are made of is kept in `rows`.
     """
     c, asked = _constants_of(constants), _asked_of(wanted)
-    state = BodyState(
-        b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7], b[8], b[9], b[10], b[11], b[12], b[13], b[14], b[15], b[16]
+    state: tuple[float, ...] = (
+        b[0],
+        b[1],
+        b[2],
+        b[3],
+        b[4],
+        b[5],
+        b[6],
+        b[7],
+        b[8],
+        b[9],
+        b[10],
+        b[11],
+        b[12],
+        b[13],
+        b[14],
+        b[15],
+        b[16],
     )
     acceleration = (b[17], b[18], b[19])
     loads = Loads(wind[0], wind[1], wind[2], 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     rows_b, rows_e, rows_k = rows
+    body, health, model, loops = c.body, c.health, c.model, c.loops
     done, waits = 0, False
     for i in range(steps):
         if i > 0 or not is_estimated:
-            at = step_estimate(e, c.model, tape, at, state, acceleration, STEP_S, True, False)
+            at = step_estimate(e, model, tape, at, state, acceleration, STEP_S, True, False)
             k[52] += 4000.0
             if k[52] >= _DECISION_PERIOD_US:
                 if i >= quiet_steps or _seems_landed(k, e, c.contact, asked):
                     waits = True
                     break
                 k[52] = 0.0
-        control(k, e, c.loops, asked)
+        control(k, e, loops, asked)
         if i >= kept_from:
             _put_body(rows_b[i], state, acceleration)
             rows_e[i][:] = e
             rows_k[i][:] = k
-        state, acceleration = advance(state, c.body, (k[28], k[29], k[30], k[31]), c.health, loads, STEP_S)
+        state, acceleration = advance(state, body, (k[28], k[29], k[30], k[31]), health, loads, STEP_S)
         done += 1
     _put_body(b, state, acceleration)
     return done, waits, at

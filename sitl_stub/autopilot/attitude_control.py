@@ -72,8 +72,9 @@ def control_attitude(q: Quaternion, qd: Quaternion, yaw_rate: float, gains: Atti
         p += 2.0 * (x * z - w * y) * yaw_rate
         t += 2.0 * (y * z + w * x) * yaw_rate
         r += (w * w - x * x - y * y + z * z) * yaw_rate
+    most_p, most_t, most_r = gains.roll_rate_max, gains.pitch_rate_max, gains.yaw_rate_max
     return (
-        min(max(p, -gains.roll_rate_max), gains.roll_rate_max),
-        min(max(t, -gains.pitch_rate_max), gains.pitch_rate_max),
-        min(max(r, -gains.yaw_rate_max), gains.yaw_rate_max),
+        -most_p if p < -most_p else most_p if p > most_p else p,
+        -most_t if t < -most_t else most_t if t > most_t else t,
+        -most_r if r < -most_r else most_r if r > most_r else r,
     )

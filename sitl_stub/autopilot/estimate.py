@@ -246,7 +246,7 @@ def step_estimate(
     m: ErrorModel,
     tape: Any,
     at: int,
-    state: BodyState,
+    state: tuple[float, ...],
     acceleration: Vec3,
     dt_s: float,
     aided: bool,

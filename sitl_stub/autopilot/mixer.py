@@ -62,8 +62,18 @@ def mix(thrust: float, torque: Vec3) -> tuple[Motors, Vec3]:
     roll, pitch, yaw = _HALF * torque[0], _HALF * torque[1], torque[2]
     m0, m1 = thrust - roll + pitch, thrust + roll - pitch
     m2, m3 = thrust + roll + pitch, thrust - roll - pitch
-    top = 1.0 - abs(yaw)
-    if min(m0, m1, m2, m3) >= abs(yaw) and max(m0, m1, m2, m3) <= top:
+    least = abs(yaw)
+    top = 1.0 - least
+    if (
+        m0 >= least
+        and m1 >= least
+        and m2 >= least
+        and m3 >= least
+        and m0 <= top
+        and m1 <= top
+        and m2 <= top
+        and m3 <= top
+    ):
         return (m0 + yaw, m1 + yaw, m2 - yaw, m3 - yaw), (0.0, 0.0, 0.0)
     return _mix_saturated((m0, m1, m2, m3), torque)
 

@@ -70,7 +70,7 @@ def _integrate(integral: float, error: float, gain: float, limit: float, saturat
 
 @used_by_kernels
 def control_rates(
-    state: RateState,
+    state: tuple[float, float, float, float],
     rates: Vec3,
     demand: Vec3,
     acceleration: Vec3,

@@ -19,7 +19,7 @@ from sitl_stub.autopilot.position_control import (
     attitude_from_thrust,
     control_position,
 )
-from sitl_stub.autopilot.rate_control import RateGains, RateState, control_rates
+from sitl_stub.autopilot.rate_control import RateGains, control_rates
 from sitl_stub.compiled import used_by_kernels
 
 # Places in k.
@@ -67,7 +67,7 @@ class Asked(NamedTuple):
 def control(k: Any, e: Any, c: LoopConstants, asked: Asked) -> None:
     """One step of 4 ms: rate loop, attitude loop, and every second time the position loop."""
     torque, rate_state = control_rates(
-        RateState(k[3], k[4], k[5], k[6]),
+        (k[3], k[4], k[5], k[6]),
         (e[64], e[65], e[66]),
         (k[0], k[1], k[2]),
         (e[67], e[68], e[69]),
