@@ -56,7 +56,11 @@ def fuse(
     start, reach, process, gate, _, fast_z, fast_xy = settings
     variance += process * dt * dt
     vx, vy, vz = velocity
-    scale = max(abs(vz) - fast_z + 1.0, sqrt(vx * vx + vy * vy) - fast_xy + 1.0, 1.0)
+    scale, fast_climb, fast_flight = 1.0, abs(vz) - fast_z + 1.0, sqrt(vx * vx + vy * vy) - fast_xy + 1.0
+    if fast_climb > scale:
+        scale = fast_climb
+    if fast_flight > scale:
+        scale = fast_flight
     slope = -GRAVITY_M_S2 * thrust_up / (value * value)
     innovation_variance = slope * slope * variance + noise * scale * scale
     innovation = acceleration_up - (GRAVITY_M_S2 * thrust_up / value - GRAVITY_M_S2)
@@ -71,10 +75,12 @@ def fuse(
     left = acceleration_up - (GRAVITY_M_S2 * thrust_up / value - GRAVITY_M_S2)
     share = dt / (_RESIDUAL_TIME_S + dt)
     residual += share * (left - residual)
-    last_ratio += share * ((min(ratio, 1.0) if innovation > 0.0 else -min(ratio, 1.0)) - last_ratio)
+    part = ratio if ratio < 1.0 else 1.0
+    last_ratio += share * ((part if innovation > 0.0 else -part) - last_ratio)
     steady = left - residual
     sample = steady * steady + slope * slope * variance
-    noise = min(max(noise + dt / (_NOISE_TIME_S + dt) * (sample - noise), 1.0), 400.0)
+    noise += dt / (_NOISE_TIME_S + dt) * (sample - noise)
+    noise = 1.0 if noise < 1.0 else 400.0 if noise > 400.0 else noise
     good = variance < _VALID_VARIANCE and (was_valid > 0.0 or ratio < 1.0)
     good_for_s = good_for_s + dt if good else 0.0
     valid = 1.0 if good and (was_valid > 0.0 or good_for_s >= _VALID_AFTER_S) else 0.0

@@ -53,9 +53,9 @@ class Link:
         """Frame a payload and put it on the way."""
         if not self.enabled:
             return
-        sequence, signing = self._sequence, self.signing
-        if signing.is_active:
-            frame = signing.sign(encode(message_type, payload, sequence, self._system_id, self._component_id, 1))
+        sequence = self._sequence
+        if self.signing.is_active:
+            frame = self.signing.sign(encode(message_type, payload, sequence, self._system_id, self._component_id, 1))
         else:
             frame = encode(message_type, payload, sequence, self._system_id, self._component_id)
         self._sequence = (sequence + 1) & 0xFF
