@@ -40,9 +40,10 @@ def paint_deck_sides(
     X_CP = X_CW @ X_WP
     camera_P = -(X_CP.R.T @ X_CP.p)
     top, bottom = deck_corners(pad, 0.0), deck_corners(pad, pad.deck_height_m)
+    middle = top.mean(axis=0)
     for i in range(4):
         j = (i + 1) % 4
-        outward = (top[i] + top[j]) / 2.0 - top.mean(axis=0)
+        outward = (top[i] + top[j]) / 2.0 - middle
         if (camera_P - top[i]) @ outward <= 0.0:
             continue
         face = np.array([top[i], top[j], bottom[j], bottom[i]]) @ X_CP.R.T + X_CP.p

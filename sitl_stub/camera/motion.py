@@ -100,7 +100,7 @@ def _longest_path(X_CS: Pose, twist: Twist, focal_px: float) -> float:
     """An upper bound, px/s, of motion in the image over a wide view of the plane (rays to 60 degrees from the axis)."""
     distance = abs(float(X_CS.R[:, 2] @ X_CS.p))
     at_camera = twist.velocity_C - skew(twist.angular_velocity_C) @ X_CS.p
-    turn, drift = (math.sqrt(float(v @ v)) for v in (twist.angular_velocity_C, at_camera))
+    turn, drift = math.hypot(*twist.angular_velocity_C.tolist()), math.hypot(*at_camera.tolist())
     return focal_px * (_WIDE_TURN * turn + _WIDE_DRIFT * drift / max(distance, 1e-3))
 
 

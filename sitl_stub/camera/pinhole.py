@@ -38,6 +38,8 @@ class Pinhole:
         return unit
 
     def _distorted(self, x: Floats, y: Floats) -> tuple[Floats, Floats]:
+        if self.is_linear:
+            return x, y
         dx, dy, radial = self._terms(x, y)
         return x * radial + dx, y * radial + dy
 
