@@ -238,7 +238,7 @@ class Mission(_Section, frozen=True):
     commit_height_m: Positive = 0.8
     commit_miss_m: Positive = 0.35
     commit_relative_speed_m_s: Positive = 0.6
-    commit_tilt_deg: Positive = 12.0
+    commit_tilt_deg: Positive = 25.0
     commit_heave_m_s: Positive = 0.6
     commit_deck_tilt_deg: Positive = 8.0
     max_go_arounds: Annotated[int, Meta(ge=0)] = 4

@@ -60,7 +60,12 @@ HEADLINES = (
     Headline(
         "delay", "delay_random cameras.down.delay_s=0.2", "line, 4.2 m/s, camera 0.2 to 0.5 s late", "+ <= 0.02 m"
     ),
-    Headline("blind_end", "blind_end path.speed_m_s=4.2", "line, 4.2 m/s, markers gone below 1.6 m", "<= 0.15 m"),
+    Headline(
+        "blind_end",
+        "blind_end estimate.error_scale=1.0 app:mission.vision_hold_s=0.4",
+        "line, 4.2 m/s, markers gone below 1.6 m",
+        "<= 0.15 m",
+    ),
     Headline("pad_small", "line_4_2", "deck of 1.2 x 0.7 m, line, 4.2 m/s", ""),
 )
 

@@ -191,7 +191,7 @@ def test_commit_waits_until_miss_speed_and_tilt_fit() -> None:
     flight = Flight().to(Phase.DESCEND)
     low = (0.1, 0.0, -0.5)
     assert flight.tick(relative_position_m=low, relative_velocity_m_s=(1.0, 0.0, 0.0)) is Phase.DESCEND
-    assert flight.tick(relative_velocity_m_s=(0.1, 0.0, 0.0), tilt_rad=0.4) is Phase.DESCEND
+    assert flight.tick(relative_velocity_m_s=(0.1, 0.0, 0.0), tilt_rad=0.5) is Phase.DESCEND
     assert flight.tick(relative_position_m=(0.5, 0.0, -0.5), tilt_rad=0.0) is Phase.DESCEND
     assert flight.tick(relative_position_m=low) is Phase.COMMIT
 
