@@ -254,7 +254,8 @@ def test_a_broker_that_stalls_delays_nobody_and_the_oldest_go(
     assert len(service.outbox) <= 256
     broker.send(signal.SIGCONT)
     inbox.until(lambda message: isinstance(message, Health) and message.subject == "mqtt queue")
-    assert longest_s < 0.1, "a put never waits for the broker, whose timeout is 1 s"
+    # The broker is stopped: a put that waited for it could end with the time-out of 1 s only, however slow the machine is.
+    assert longest_s < 0.9, "a put never waits for the broker, whose timeout is 1 s"
 
 
 @needs_mosquitto
