@@ -21,13 +21,12 @@ from companion.campaign.summary import summary
 from companion.config import load_with
 from companion.messages import Vec3
 from companion.reproduce.papers import preset_file
+from companion.reproduce.power import hover_power_w
 from companion.reproduce.watched_flight import FlightWatch, Instant
 from sitl_stub.airframe import Airframe, read_airframe
 from sitl_stub.scenario import find, with_overrides
 from sitl_stub.scenario import load as load_scenario
 
-AIR_KG_M3 = 1.225
-GRAVITY_M_S2 = 9.80665
 ROTOR_RADIUS_M = 0.127
 
 
@@ -123,9 +122,7 @@ def jerk_rms_m_s3(velocities: Sequence[tuple[float, Vec3]]) -> float | None:
 
 def power_w(speed_m_s: float, airframe: Airframe) -> float:
     """The paper's model: parasitic drag and the induced power of one disc that carries the weight."""
-    weight_n = airframe.mass_kg * GRAVITY_M_S2
-    induced = math.sqrt(weight_n**3 / (2.0 * math.pi * ROTOR_RADIUS_M**2 * AIR_KG_M3))
-    return airframe.drag.quadratic_n_s2_m2[0] * speed_m_s**3 + induced
+    return airframe.drag.quadratic_n_s2_m2[0] * speed_m_s**3 + hover_power_w(airframe.mass_kg, ROTOR_RADIUS_M)
 
 
 def energy_j(velocities: Sequence[tuple[float, Vec3]], airframe: Airframe) -> float:

@@ -26,6 +26,7 @@ from companion.planning.min_snap import (
     segment_deviations,
 )
 from companion.planning.trajectory import Trajectory
+from companion.reproduce.power import AIR_KG_M3, hover_power_w
 from companion.reproduce.row import Row, number_row
 from companion.telemetry.svg_plot import Chart, Line
 
@@ -45,7 +46,6 @@ TURN_M_S2 = 0.5
 """The paper does not say how its vehicle followed the paths; here each is flown as fast as these two allow."""
 
 MASS_KG = 1.8
-AIR_KG_M3 = 1.225
 DRAG_AREA_M2 = 0.02
 """C_D A of a small quadrotor: at 2 m/s its part of the power is a tenth of a watt."""
 PRINTED_POWER_W = 312.6
@@ -96,12 +96,12 @@ def waypoints_3d_m() -> Array:
 
 def rotor_radius_m() -> float:
     """The radius with which the paper's power model gives the printed power at rest: it prints none of its constants."""
-    return math.sqrt((MASS_KG * 9.80665) ** 3 / (2.0 * math.pi * AIR_KG_M3)) / PRINTED_POWER_W
+    return hover_power_w(MASS_KG, 1.0) / PRINTED_POWER_W
 
 
 def power_w(speed_m_s: Array) -> Array:
     """P = 1/2 C_D A rho v^3 + sqrt((m g)^3 / (2 pi r^2 rho))."""
-    lift = math.sqrt((MASS_KG * 9.80665) ** 3 / (2.0 * math.pi * rotor_radius_m() ** 2 * AIR_KG_M3))
+    lift = hover_power_w(MASS_KG, rotor_radius_m())
     return np.asarray(0.5 * DRAG_AREA_M2 * AIR_KG_M3 * speed_m_s**3 + lift)
 
 

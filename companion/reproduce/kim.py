@@ -15,12 +15,12 @@ import numpy as np
 import numpy.typing as npt
 
 from companion.config import Config
-from companion.geometry import rotate, subtract
+from companion.geometry import horizontal_norm, rotate, subtract
 from companion.messages import CameraImage, PadBearing, Phase
 from companion.mount import mounted
 from companion.reproduce.falanga import phase_bands
 from companion.reproduce.row import Reproduction, Row, Verdict, number_row
-from companion.reproduce.watched_flight import Instant, WatchedFlight, horizontal_m, preset, watched
+from companion.reproduce.watched_flight import Instant, WatchedFlight, preset, watched
 from companion.telemetry.svg_plot import Chart, Line
 from companion.vision import DETECTORS
 from companion.vision.colour import MAX_GREEN, RED_GAIN, RED_OFFSET
@@ -220,7 +220,7 @@ def speed_met_after_s(flight: WatchedFlight) -> float:
     for i in flight.watch.instants:
         if i.t_s < begin:
             continue
-        away = abs(horizontal_m(i.velocity_m_s) - horizontal_m(i.pad_velocity_m_s))
+        away = abs(horizontal_norm(i.velocity_m_s) - horizontal_norm(i.pad_velocity_m_s))
         since = (i.t_s if since is None else since) if away < SPEED_FOUND_M_S else None
         if since is not None and i.t_s - since >= HELD_S:
             return since - begin
@@ -228,7 +228,7 @@ def speed_met_after_s(flight: WatchedFlight) -> float:
 
 
 def _miss_between(instants: Sequence[Instant], low_m: float, high_m: float) -> float:
-    misses = [horizontal_m(i.in_pad_m) for i in instants if low_m <= -i.in_pad_m[2] < high_m]
+    misses = [horizontal_norm(i.in_pad_m) for i in instants if low_m <= -i.in_pad_m[2] < high_m]
     return math.sqrt(float(np.mean(np.square(misses)))) if misses else math.nan
 
 
@@ -237,8 +237,8 @@ def _flight_charts(flight: WatchedFlight) -> list[Chart]:
     t_s = [i.t_s for i in instants]
     bands = phase_bands(flight.watch.changes, flight.result.simulated_s)
     speeds = (
-        Line("vehicle", "#36c", t_s, [horizontal_m(i.velocity_m_s) for i in instants]),
-        Line("target", "#c33", t_s, [horizontal_m(i.pad_velocity_m_s) for i in instants], dashed=True),
+        Line("vehicle", "#36c", t_s, [horizontal_norm(i.velocity_m_s) for i in instants]),
+        Line("target", "#c33", t_s, [horizontal_norm(i.pad_velocity_m_s) for i in instants], dashed=True),
         Line(
             "target, filter", "#0a7",
             [t for t, _ in flight.watch.estimates[::5]],
@@ -246,7 +246,7 @@ def _flight_charts(flight: WatchedFlight) -> list[Chart]:
         ),
     )  # fmt: skip
     height = Line("height", "#0a7", t_s, [-i.in_pad_m[2] for i in instants])
-    away = Line("horizontal error", "#c33", t_s, [horizontal_m(i.in_pad_m) for i in instants])
+    away = Line("horizontal error", "#c33", t_s, [horizontal_norm(i.in_pad_m) for i in instants])
     track = (
         Line("vehicle", "#36c", [i.vehicle_m[1] for i in instants], [i.vehicle_m[0] for i in instants]),
         Line("target", "#c33", [i.pad_m[1] for i in instants], [i.pad_m[0] for i in instants], dashed=True),
@@ -291,9 +291,9 @@ def _adaptive_rows(seeds: Sequence[int]) -> tuple[list[Row], Chart]:
 
 def _error_m(flight: WatchedFlight) -> float:
     settled = [i for i in flight.watch.instants if i.phase in FOLLOWING and i.t_s > 10.0]
-    return math.sqrt(float(np.mean([horizontal_m(i.in_pad_m) ** 2 for i in settled]))) if settled else math.nan
+    return math.sqrt(float(np.mean([horizontal_norm(i.in_pad_m) ** 2 for i in settled]))) if settled else math.nan
 
 
 def _error_line(flight: WatchedFlight) -> tuple[list[float], list[float | None]]:
     following = [i for i in flight.watch.instants if i.phase in FOLLOWING]
-    return [i.t_s for i in following], [horizontal_m(i.in_pad_m) for i in following]
+    return [i.t_s for i in following], [horizontal_norm(i.in_pad_m) for i in following]

@@ -5,7 +5,6 @@ Time in s since the world began; W local NED, SI, angles in rad. Reproductions f
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -70,12 +69,11 @@ class FlightWatch:
                     self.changes.append((t_s, change))
                 case VehicleState() as state:
                     self.state = state
-                case PadEstimate() as estimate if self.state is not None:
-                    seen = subtract(estimate.velocity_ned_m_s, self.state.velocity_ned_m_s)
-                    self.relative_velocities.append((t_s, seen))
-                    self.estimates.append((t_s, estimate))
                 case PadEstimate() as estimate:
                     self.estimates.append((t_s, estimate))
+                    if self.state is not None:
+                        seen = subtract(estimate.velocity_ned_m_s, self.state.velocity_ned_m_s)
+                        self.relative_velocities.append((t_s, seen))
                 case PadObservation() | PadBearing() as sight:
                     self.sights.append((t_s, sight))
                 case PadNotSeen() as miss:
@@ -138,7 +136,3 @@ def watched(config: Config, scenario: str, *, seed: int, world: Mapping[str, Any
         with_overrides(load(find("scenarios/papers", scenario)), world or {}), config, seed=seed, sinks=[watch]
     )
     return WatchedFlight(result, watch)
-
-
-def horizontal_m(vector_m: Vec3) -> float:
-    return math.hypot(vector_m[0], vector_m[1])
