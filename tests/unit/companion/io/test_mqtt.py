@@ -67,20 +67,26 @@ class Broker:
 
 
 class Inbox:
-    """What the service handed in."""
+    """What the service handed in. What a wait passes over is kept for the next one: two threads do not agree on an order."""
 
     def __init__(self) -> None:
         self._queue: queue.Queue[OperatorCommand | PadBeacon | Health] = queue.Queue()
+        self._passed_over: list[OperatorCommand | PadBeacon | Health] = []
 
     def __call__(self, message: OperatorCommand | PadBeacon | Health) -> None:
         self._queue.put(message)
 
     def until(self, wanted: Callable[[object], bool]) -> object:
+        for message in self._passed_over:
+            if wanted(message):
+                self._passed_over.remove(message)
+                return message
         deadline = time.monotonic() + BOUND_S
         while True:
             message = self._queue.get(timeout=max(0.01, deadline - time.monotonic()))
             if wanted(message):
                 return message
+            self._passed_over.append(message)
 
 
 class Watcher:
