@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from statistics import NormalDist
 
 from companion.estimation import bank, heading
@@ -147,6 +147,7 @@ def started(settings: TrackSettings, m: PadMeasurement) -> BankTrack | None:
         height=settings.vertical.start(m.position_o_m[2], variance, bias2),
         yaw=None,
     )
+    m = _resolved(track, m)
     _take_yaw(track, m)
     _take_turn_rate(track, m)
     _note(track, m)
@@ -188,6 +189,7 @@ def fuse(track: BankTrack, m: PadMeasurement) -> MeasurementVerdict:
         if pseudo is None:
             return MeasurementVerdict(m.t_ns, m.source, accepted=False, reason="bearing too flat for the pad's height")
         m = pseudo
+    m = _resolved(track, m)
     now = bank.combined(track.members)
     verdict = _fuse_position(track, m, now)
     _fuse_velocity(track, m)
@@ -348,13 +350,29 @@ def _take_yaw(track: BankTrack, m: PadMeasurement) -> None:
                 bank.update_own(member, index, wrap_pi(m.yaw_rad - member.x[index]), R)
 
 
+def _resolved(track: BankTrack, m: PadMeasurement) -> PadMeasurement:
+    """Of the two poses that explain an ambiguous picture, the one whose tilt the track foresees; level before the first sight.
+
+    The detector chose with what was foreseen when the frame came in; a frame that is worked in late is judged anew. Deck and
+    picture are in O, so this holds whatever the vehicle's tilt was.
+    """
+    rival = m.rival_angles_rad
+    if rival is None or m.roll_rad is None or m.pitch_rad is None:
+        return m
+    foreseen = track.tilt_angles()
+    if math.dist(foreseen, rival[:2]) >= math.dist(foreseen, (m.roll_rad, m.pitch_rad)):
+        return m
+    return replace(m, roll_rad=rival[0], pitch_rad=rival[1], yaw_rad=rival[2])
+
+
 def _take_tilt(track: BankTrack, m: PadMeasurement) -> None:
-    """Roll and pitch of the deck: kept as seen, or fed to the oscillators of a boat."""
+    """Roll and pitch of the deck: kept as last seen without doubt, or fed to the oscillators of a boat."""
     if m.roll_rad is None or m.pitch_rad is None:
         return
     swing, R = track.settings.tilt, m.tilt_sigma_rad**2
     if swing is None:
-        track.roll_rad, track.pitch_rad = m.roll_rad, m.pitch_rad
+        if m.rival_angles_rad is None:
+            track.roll_rad, track.pitch_rad = m.roll_rad, m.pitch_rad
     elif track.tilt is None:
         track.tilt = (swing.start(m.roll_rad, R), swing.start(m.pitch_rad, R))
     else:

@@ -55,6 +55,8 @@ class PadMeasurement:
     roll_rad: float | None = None
     pitch_rad: float | None = None
     tilt_sigma_rad: float = math.radians(1.0)
+    rival_angles_rad: Vec3 | None = None
+    """Roll, pitch, yaw of the other pose that explains an ambiguous picture nearly as well."""
     bearing_o: Vec3 | None = None
     bearing_sigma_rad: float = 0.01
     camera: CameraPose | None = None
@@ -77,8 +79,7 @@ def measurement_from_observation(
     """X_OP = X_OB X_BC X_CP at capture time, with the covariance turned into O."""
     X_OC = Transform(q=vehicle.q_ned_frd, p=vehicle.position_o_m) @ X_BC
     p_OP = X_OC.point(observation.pad_position_camera_m)
-    q_CP = observation.q_camera_pad
-    angles = None if q_CP is None else euler_from_quaternion(quaternion_multiply(X_OC.q, q_CP))
+    angles = _angles_o_rad(X_OC.q, observation.q_camera_pad)
     return PadMeasurement(
         t_ns=observation.t_ns,
         source=ObservationSource.VISION_POSE,
@@ -90,7 +91,13 @@ def measurement_from_observation(
         roll_rad=None if angles is None else angles[0],
         pitch_rad=None if angles is None else angles[1],
         tilt_sigma_rad=_tilt_sigma(observation),
+        rival_angles_rad=_angles_o_rad(X_OC.q, observation.q_camera_pad_alternative),
     )
+
+
+def _angles_o_rad(q_OC: Quaternion, q_CP: Quaternion | None) -> Vec3 | None:
+    """Roll, pitch, yaw of the pad in O."""
+    return None if q_CP is None else euler_from_quaternion(quaternion_multiply(q_OC, q_CP))
 
 
 def measurement_from_bearing(

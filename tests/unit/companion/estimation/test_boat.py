@@ -1,8 +1,10 @@
 """A deck that heaves and rolls: the swing is learned and foreseen."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
+import pytest
 from pads import diagonal, frames, ns
 
 from companion.config import Estimation
@@ -23,24 +25,56 @@ def roll_rad(t: float) -> float:
     return ROLL_RAD * math.cos(2.0 * math.pi * t / PERIOD_S)
 
 
+def deck(t: float, rng: np.random.Generator) -> PadMeasurement:
+    n = rng.normal(0.0, 0.03, 3).tolist()
+    return PadMeasurement(
+        t_ns=ns(t),
+        source=ObservationSource.VISION_POSE,
+        position_o_m=(1.5 * t + n[0], n[1], down_m(t) + n[2]),
+        covariance_m2=diagonal(0.03**2),
+        roll_rad=roll_rad(t) + float(rng.normal(0.0, 0.02)),
+        pitch_rad=float(rng.normal(0.0, 0.02)),
+        yaw_rad=0.0,
+        tilt_sigma_rad=0.02,
+    )
+
+
 def watched(name: str, seconds: float, seed: int) -> PadEstimator:
     rng, estimator = np.random.default_rng(seed), ESTIMATORS[name](Estimation())
     for t in frames(0.0, seconds):
-        n = rng.normal(0.0, 0.03, 3).tolist()
-        position = (1.5 * t + n[0], n[1], down_m(t) + n[2])
-        estimator.observe(
-            PadMeasurement(
-                t_ns=ns(t),
-                source=ObservationSource.VISION_POSE,
-                position_o_m=position,
-                covariance_m2=diagonal(0.03**2),
-                roll_rad=roll_rad(t) + float(rng.normal(0.0, 0.02)),
-                pitch_rad=float(rng.normal(0.0, 0.02)),
-                yaw_rad=0.0,
-                tilt_sigma_rad=0.02,
-            )
-        )
+        estimator.observe(deck(t, rng))
     return estimator
+
+
+def mirrored(m: PadMeasurement, *, wrong_first: bool) -> PadMeasurement:
+    """An ambiguous picture: seen from 20 degrees north of the deck's normal, the other pose leans 40 degrees over."""
+    assert m.roll_rad is not None
+    assert m.pitch_rad is not None
+    true, false = (m.roll_rad, m.pitch_rad, 0.0), (m.roll_rad, m.pitch_rad + math.radians(40.0), 0.3)
+    first, rival = (false, true) if wrong_first else (true, false)
+    return replace(m, roll_rad=first[0], pitch_rad=first[1], yaw_rad=first[2], rival_angles_rad=rival)
+
+
+@pytest.mark.parametrize("name", ["imm", "boat"])
+def test_an_ambiguous_picture_is_read_as_the_track_foresees_it(name: str) -> None:
+    estimator, rng = watched(name, 10.0, 1), np.random.default_rng(2)
+    for t in frames(10.0, 14.0):
+        estimator.observe(mirrored(deck(t, rng), wrong_first=rng.random() < 0.5))
+    estimate = estimator.estimate(ns(14.0))
+    assert estimate is not None
+    assert abs(estimate.pitch_rad) < math.radians(3.0)
+    assert abs(estimate.roll_rad) < ROLL_RAD + math.radians(3.0)
+    assert abs(estimate.yaw_rad) < math.radians(3.0)
+
+
+@pytest.mark.parametrize("name", ["imm", "boat"])
+def test_an_ambiguous_first_picture_is_read_as_the_one_nearer_to_level(name: str) -> None:
+    estimator, rng = ESTIMATORS[name](Estimation()), np.random.default_rng(3)
+    estimator.observe(mirrored(deck(0.0, rng), wrong_first=True))
+    estimate = estimator.estimate(ns(0.0))
+    assert estimate is not None
+    assert abs(estimate.pitch_rad) < math.radians(5.0)
+    assert abs(estimate.yaw_rad) < math.radians(1.0)
 
 
 def height_errors(estimator: PadEstimator, end_s: float, ahead_s: float) -> list[float]:

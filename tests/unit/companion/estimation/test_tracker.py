@@ -1,12 +1,13 @@
 """The whole of estimation as the pipeline uses it: messages in, the pad in W out."""
 
 import math
+from dataclasses import replace
 
 import pytest
 
 from companion.config import Camera, Estimation, Pad
 from companion.estimation import PadTracker, make_tracker
-from companion.geometry import quaternion_from_euler
+from companion.geometry import quaternion_from_euler, quaternion_multiply
 from companion.messages import (
     ObservationSource,
     PadBeacon,
@@ -155,3 +156,16 @@ def test_a_beacon_alone_gives_a_pad_with_its_own_uncertainty() -> None:
     assert estimate.position_ned_m[:2] == pytest.approx((30.1, 5.0), abs=0.01)
     assert 1.4 < estimate.position_sigma_m < 1.8
     assert (estimate.vision_age_s, estimate.beacon_age_s) == (None, pytest.approx(0.1))
+
+
+def test_both_readings_of_an_ambiguous_picture_reach_the_track() -> None:
+    """The camera looks straight down from a level vehicle; the first reading leans 30 degrees, the second lies level."""
+    result = tracker()
+    for k in range(50):
+        result.add_vehicle_state(vehicle(0.02 * k))
+    level = quaternion_from_euler(0.0, 0.0, math.pi / 2)
+    leaning = quaternion_multiply(level, quaternion_from_euler(0.0, math.radians(30.0), 0.0))
+    result.observe(replace(sight(0.9), q_camera_pad=leaning, q_camera_pad_alternative=level))
+    estimate = result.estimate(round(0.98e9))
+    assert estimate is not None
+    assert (estimate.roll_rad, estimate.pitch_rad) == pytest.approx((0.0, 0.0), abs=1e-6)
