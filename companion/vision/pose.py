@@ -26,11 +26,12 @@ AMBIGUOUS_CHI2 = 13.8
 """The second pose is kept while it is no less likely than this against the first (chi-square of two tilts at 99.9 %)."""
 CLEARLY_WORSE_PX = 1.5
 """Root mean square reprojection error above the better pose's at which the other needs no polishing."""
-_GAUSS_NEWTON_STEPS = 8
-_KEPT = 4
-"""Steps that one Jacobian serves."""
+_GAUSS_NEWTON_STEPS = 12
+_SAME_JACOBIAN_RAD = 0.02
+"""A Jacobian serves until a step turns the target by more. Seen from straight above, a small target's pixels hardly depend
+on its tilt to first order: a step along an old Jacobian goes many degrees too far there, and the next ones further."""
 _SETTLED_PX = 0.03
-"""A step leaves a hundredth of itself: after one that moves no corner by more than this there is nothing to gain."""
+"""A small step leaves a hundredth of itself: after one that moves no corner by more than this there is nothing to gain."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,19 +129,20 @@ def _both_guesses(points_P: Array, pixels: Array, camera: CameraModel) -> list[t
 def _polished(points_P: Array, pixels: Array, camera: CameraModel, guesses: list[tuple[Array, Array]]) -> list[_Fit]:
     """Gauss-Newton on the reprojection error, all guesses in one go; without those where a point falls behind the lens.
 
-    From afar the first Jacobian serves to the end: the guesses are off by less than a pixel, and the residual is exact.
+    A Jacobian serves while the target hardly turns; the information is that of the last one.
     """
     R, p = np.array([guess[0] for guess in guesses]), np.array([guess[1] for guess in guesses])
     J: Array = np.empty(0)
     information: Array = J
     gain: Array = J
-    for step_number in range(_GAUSS_NEWTON_STEPS if guesses else 0):
+    turn_rad = math.inf
+    for _ in range(_GAUSS_NEWTON_STEPS if guesses else 0):
         turned = points_P @ R.transpose(0, 2, 1)
         residual = _residual(turned + p[:, None], pixels, camera)
         in_front = np.isfinite(residual).all(axis=1)
         if not in_front.all():
             return _polished(points_P, pixels, camera, [guesses[k] for k in np.flatnonzero(in_front)])
-        if step_number % _KEPT == 0:
+        if turn_rad > _SAME_JACOBIAN_RAD:
             J = _jacobian(turned, turned + p[:, None], camera)
             J_T = J.transpose(0, 2, 1)
             information = np.asarray(J_T @ J, dtype=np.float64)
@@ -151,7 +153,8 @@ def _polished(points_P: Array, pixels: Array, camera: CameraModel, guesses: list
         step = (gain @ residual[:, :, None])[:, :, 0]
         p = p + step[:, :3]
         R = np.array([cv2.Rodrigues(turn)[0] for turn in step[:, 3:]]) @ R
-        if float(np.abs(J @ step[:, :, None]).max()) < _SETTLED_PX:
+        turn_rad = float(np.abs(step[:, 3:]).max())
+        if turn_rad <= _SAME_JACOBIAN_RAD and float(np.abs(J @ step[:, :, None]).max()) < _SETTLED_PX:
             break
     left = _residual(points_P @ R.transpose(0, 2, 1) + p[:, None], pixels, camera) if guesses else np.empty((0, 0))
     return [

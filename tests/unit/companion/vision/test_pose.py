@@ -158,3 +158,19 @@ def test_no_flip_is_accepted_in_ambiguous_views() -> None:
 def test_with_a_track_no_view_flips_at_all() -> None:
     certain, admitted, _ = count_flips(800, tracked=True)
     assert (certain, admitted) == (0, 0)
+
+
+def test_a_small_target_seen_from_straight_above_gets_a_pose_that_explains_it_as_well_as_the_true_one() -> None:
+    """Where pixels hardly depend on the tilt, a step along an old Jacobian overshoots by tens of degrees."""
+    worst_px = -np.inf
+    for k in range(1000):
+        rng = np.random.default_rng((21, k))
+        R = turn(np.append(rng.normal(0.0, 0.08, 2), 0.0)) @ LEVEL @ turn([0.0, 0.0, rng.uniform(-np.pi, np.pi)])
+        p = np.array([*rng.uniform(-2.0, 2.0, 2), 420.0 * 0.5 / rng.uniform(12.0, 16.0)])
+        exact = PINHOLE.project(CORNERS @ R.T + p)
+        pixels = exact + rng.normal(0.0, 0.12, (4, 2))
+        found = pose.planar_pose(CORNERS, pixels, PINHOLE, hint=None, sigma_px=0.3)
+        assert found is not None
+        truth_px = float(np.sqrt(((pixels - exact) ** 2).sum() / 4.0))
+        worst_px = max(worst_px, found.reprojection_error_px - truth_px)
+    assert worst_px < 0.01
