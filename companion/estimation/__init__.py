@@ -70,10 +70,12 @@ def _boat_models(bias: BeaconBias) -> Mapping[MotionModel, float]:
     return {ConstantVelocity(0.01, bias): 0.6, ConstantAcceleration(0.8, 3.0, 0.01, bias): 0.4}
 
 
-def _unicycle(config: Estimation) -> PadEstimator:
-    settings = UnicycleSettings(gate_sigmas=gate_sigmas(config.gate_probability))
-    start = partial(start_unicycle, settings)
-    return PadFilter("unicycle", start, lag_s=config.lag_s, lost_after_s=config.lost_after_s)
+def _unicycle(name: str, **chosen: float) -> Factory:
+    def make(config: Estimation) -> PadEstimator:
+        settings = UnicycleSettings(gate_sigmas=gate_sigmas(config.gate_probability), **chosen)
+        return PadFilter(name, partial(start_unicycle, settings), lag_s=config.lag_s, lost_after_s=config.lost_after_s)
+
+    return make
 
 
 def _bearing_ukf(config: Estimation) -> PadEstimator:
@@ -95,7 +97,8 @@ ESTIMATORS: dict[str, Factory] = {
     "constant_acceleration": _bank("constant_acceleration", lambda bias: {ConstantAcceleration(bias=bias): 1.0}),
     "coordinated_turn": _bank("coordinated_turn", lambda bias: {CoordinatedTurn(bias=bias): 1.0}),
     "weaving_turn": _bank("weaving_turn", lambda bias: {WeavingTurn(bias=bias): 1.0}),
-    "unicycle": _unicycle,
+    "unicycle": _unicycle("unicycle"),
+    "unicycle_turn": _unicycle("unicycle_turn", theta_psd=0.02, turn_gain_hz=1.0),
     "bearing_ukf": _bearing_ukf,
 }
 

@@ -4,7 +4,9 @@ and near the deck by the range sensor, as the paper does it.
     px' = v cos(theta)    py' = v sin(theta)    pz' = 0    theta' = u1    v' = u2    with u1 = u2 = 0
 
 The platform cannot slip sideways; how it steers and brakes is unknown and stands in the process noise. Frame O (NED), theta
-is the direction of travel, clockwise from north. Compiled with the extra `fast`. Chosen by `estimator = "unicycle"`.
+is the direction of travel, clockwise from north. Compiled with the extra `fast`. Chosen by `estimator = "unicycle"`, as
+printed, or `"unicycle_turn"`, where u1 is learned: the corrections of theta, smoothed, are the turn rate that the model
+lacked, and so prediction and the acceleration that is fed forward follow a curve.
 """
 
 from __future__ import annotations
@@ -16,24 +18,28 @@ from typing import Any
 from companion.compiled import compiled, room
 from companion.estimation.gate import NS, AxisGate, Decision, judge
 from companion.estimation.measurement import PadMeasurement
+from companion.estimation.turn import MIN_SPEED_M_S
 from companion.geometry import wrap_pi
 from companion.messages import MeasurementVerdict, ObservationSource, PadEstimate, Vec3
 
 BIASED = (ObservationSource.BEACON, ObservationSource.ODOMETRY)
 START_AFTER_M = 0.5
 """Direction and speed are taken from the first two sights this far apart."""
+MAX_TURN_RAD_S = 1.0
 AXES = ("north", "east", "down")
 
 
 @compiled
 def predict_unicycle(
-    x: Any, P: Any, F: Any, W: Any, dt: float, q_position: float, q_height: float, q_theta: float, q_v: float
+    x: Any, P: Any, F: Any, W: Any, dt: float, u1: float, q_position: float, q_height: float, q_theta: float, q_v: float
 ) -> None:
-    """One step of mean and 5 x 5 covariance, in place; F is room for 4 floats, W for 25. q_*: variance gained per second."""
-    theta, v = x[3], x[4]
+    """One step of mean and 5 x 5 covariance, in place; F is room for 4 floats, W for 25. u1: turn rate, rad/s. q_*: variance
+    gained per second."""
+    theta, v = x[3] + 0.5 * dt * u1, x[4]
     c, s = math.cos(theta), math.sin(theta)
     x[0] += dt * v * c
     x[1] += dt * v * s
+    x[3] += dt * u1
     F[0], F[1], F[2], F[3] = -dt * v * s, dt * c, dt * v * c, dt * s
     for j in range(5):
         W[j] = P[j] + F[0] * P[15 + j] + F[1] * P[20 + j]
@@ -74,13 +80,15 @@ def update_position(x: Any, P: Any, g: Any, z0: float, z1: float, z2: float, R0:
 
 @dataclass(frozen=True, slots=True)
 class UnicycleSettings:
-    """Process noise as variance gained per second, and the gate of one component in standard deviations."""
+    """Process noise as variance gained per second, and the gate of one component in standard deviations. `turn_gain_hz` is
+    the share of theta's corrections that the turn rate takes up per second; 0 is the filter as printed."""
 
     position_psd: float = 1e-4
     height_psd: float = 0.01
     theta_psd: float = 0.05
     speed_psd: float = 0.2
     gate_sigmas: float = 3.29
+    turn_gain_hz: float = 0.0
 
 
 @dataclass(slots=True)
@@ -96,12 +104,13 @@ class UnicycleTrack:
     gates: dict[tuple[ObservationSource, str], AxisGate] = field(default_factory=dict)
     vision_ns: int | None = None
     beacon_ns: int | None = None
+    turn_rad_s: float = 0.0
 
     def copied(self) -> UnicycleTrack:
         gates = {key: gate.copied() for key, gate in self.gates.items()}
         return UnicycleTrack(
             self.settings, self.t_ns, self.x.copy(), self.P.copy(), self.first, self.first_ns, gates,
-            self.vision_ns, self.beacon_ns,
+            self.vision_ns, self.beacon_ns, self.turn_rad_s,
         )  # fmt: skip
 
     def look_ahead(self, t_ns: int) -> None:
@@ -112,7 +121,8 @@ class UnicycleTrack:
         if dt_s <= 0.0:
             return
         work = room([0.0] * 4), room([0.0] * 25)
-        predict_unicycle(self.x, self.P, *work, dt_s, s.position_psd, s.height_psd, s.theta_psd, s.speed_psd)
+        u1 = self.turn_rad_s
+        predict_unicycle(self.x, self.P, *work, dt_s, u1, s.position_psd, s.height_psd, s.theta_psd, s.speed_psd)
         self.t_ns = t_ns
 
     def fuse(self, m: PadMeasurement) -> MeasurementVerdict:
@@ -127,8 +137,9 @@ class UnicycleTrack:
         nis = sum(y[i] * y[i] / (float(self.P[6 * i]) + variance[i]) for i in range(3))
         decisions = [self._judge(m, axis, y[axis], variance[axis]) for axis in range(3)]
         kept = [R if d is not Decision.REJECT else 0.0 for R, d in zip(variance, decisions, strict=True)]
-        z = m.position_o_m
+        z, theta = m.position_o_m, float(self.x[3])
         update_position(self.x, self.P, room([0.0] * 5), z[0], z[1], z[2], kept[0], kept[1], kept[2])
+        self._learn_turn(float(self.x[3]) - theta)
         self._learn_direction(m.t_ns, z)
         self._note(m, any(kept))
         lost = [name for name, d in zip(AXES, decisions, strict=True) if d is Decision.REJECT]
@@ -172,6 +183,14 @@ class UnicycleTrack:
                     self.P[5 * i + j] = self.P[5 * j + i] = 0.0
         self.first = None
 
+    def _learn_turn(self, corrected_rad: float) -> None:
+        """u1 from how the measurements keep turning theta. A platform that hardly moves has no direction to turn."""
+        if self.first is not None or float(self.x[4]) < MIN_SPEED_M_S:
+            self.turn_rad_s = 0.0
+            return
+        learned = self.turn_rad_s + self.settings.turn_gain_hz * corrected_rad
+        self.turn_rad_s = max(-MAX_TURN_RAD_S, min(MAX_TURN_RAD_S, learned))
+
     def _note(self, m: PadMeasurement, accepted: bool) -> None:
         if accepted and m.source in BIASED:
             self.beacon_ns = m.t_ns
@@ -188,13 +207,14 @@ class UnicycleTrack:
     def estimate(self, name: str) -> PadEstimate:
         px, py, pz, theta, v = (float(value) for value in self.x)
         c, s = math.cos(theta), math.sin(theta)
+        across = v * self.turn_rad_s
         return PadEstimate(
             t_ns=self.t_ns,
             position_ned_m=(px, py, pz),
             velocity_ned_m_s=(v * c, v * s, 0.0),
-            acceleration_ned_m_s2=(0.0, 0.0, 0.0),
+            acceleration_ned_m_s2=(-across * s, across * c, 0.0),
             yaw_rad=wrap_pi(theta),
-            yaw_rate_rad_s=0.0,
+            yaw_rate_rad_s=self.turn_rad_s,
             covariance=self._covariance(c, s, v),
             vision_age_s=None if self.vision_ns is None else (self.t_ns - self.vision_ns) / NS,
             beacon_age_s=None if self.beacon_ns is None else (self.t_ns - self.beacon_ns) / NS,

@@ -1,7 +1,7 @@
 """The tag of `falanga`: a black cross in a black ring on a white quadrangle, with the paper's order of fallbacks.
 
-The ring is looked for first, then the cross alone (the ring leaves the view near the deck), then the corners of the white
-deck. The ring's outline, fitted at full resolution, gives the pose together with the cross's twelve corners; RANSAC throws
+The ring is looked for first, then the cross alone (the ring leaves the view near the deck), then the cross's four inner
+corners (nearer still its arms leave the view as well), then the corners of the white deck. The ring's outline, fitted at full resolution, gives the pose together with the cross's twelve corners; RANSAC throws
 out those that do not fit. The tag looks the same after a quarter turn: yaw is the one nearest to the prediction, and without
 a prediction no rotation is reported. The paper prints no dimensions: ring 0.1 of the outer diameter wide, cross spanning 0.6
 with bars 0.15 wide.
@@ -35,6 +35,9 @@ _SHRINKS = (4, 2, 1)
 _REFITS = 2
 """Rounds of matching the outline to the circle."""
 _DECK_CANDIDATES = 3
+_INNER_SIDE_PX = 40.0
+"""The inner corners alone are taken from near only: far away the whole cross is in view."""
+_INNER_SHRINK = 4
 _RANSAC_PX = 2.0
 _RING_CONTRAST = 12.0
 """Grey levels between the ring and the white around it, on the average: far away it is not much."""
@@ -68,7 +71,7 @@ class CrossDetector:
         for part in (where, region.Region(0, 0, grey.shape[1], grey.shape[0])):
             if part is None:
                 continue
-            for stage in (self._from_ring, self._from_cross, self._from_deck):
+            for stage in (self._from_ring, self._from_cross, self._from_inner_corners, self._from_deck):
                 found = stage(grey, part, level)
                 observation = self._observation(frame, found, hint) if found is not None else None
                 if observation is not None:
@@ -99,8 +102,8 @@ class CrossDetector:
         points = self._on_circle(angle)
         for _ in range(_REFITS):
             rough = self._pose(points, outline, level)
-            corners = _subpix(grey, pose.reprojected(arms, rough, self._camera)) if rough is not None else None
-            cross = self._pose(arms, corners, level) if corners is not None else None
+            at = pose.reprojected(arms, rough, self._camera) if rough is not None else None
+            cross = self._pose(arms, _subpix(grey, at), level) if at is not None and _is_within(grey, at) else None
             if cross is None:
                 return None
             back = pose.on_plane(outline, cross, self._camera)[:, :2] - self._tag.position_m
@@ -125,6 +128,20 @@ class CrossDetector:
                 if corners is not None:
                     fine = _subpix(grey, _unshrunk(corners, part, shrink))
                     return self._on_pad(self._tag.size_m * _CROSS), fine
+        return None
+
+    def _from_inner_corners(self, grey: Image, part: region.Region, level: DetectionHint | None) -> Points | None:
+        """The four inner corners of a cross whose arms the edge of the image cuts off; black and white fill the view there."""
+        small = _part_of(grey, part, _INNER_SHRINK)
+        _, dark = cv2.threshold(small, 0, 255, cv2.THRESH_BINARY_INV + cv2.THRESH_OTSU)
+        outlines, _ = cv2.findContours(dark, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+        for outline in sorted(outlines, key=cv2.contourArea, reverse=True)[:_DECK_CANDIDATES]:
+            inner = inner_corners(outline.reshape(-1, 2).astype(np.float64), (small.shape[1], small.shape[0]))
+            if inner is None or _shortest_side(inner) * _INNER_SHRINK < _INNER_SIDE_PX:
+                continue
+            return self._on_pad(self._tag.size_m * _CROSS[_INWARD]), _subpix(
+                grey, _unshrunk(inner, part, _INNER_SHRINK)
+            )
         return None
 
     def _from_deck(self, grey: Image, part: region.Region, level: DetectionHint | None) -> Points | None:
@@ -198,6 +215,8 @@ _CROSS = np.array(
     [(_s, -_b), (_s, _b), (_b, _b), (_b, _s), (-_b, _s), (-_b, _b), (-_s, _b), (-_s, -_b), (-_b, -_b), (-_b, -_s), (_b, -_s), (_b, -_b)]
 )  # fmt: skip
 """Corners (x, y) of the cross in outer diameters, clockwise seen from above, from the left end of the arm towards +x."""
+_INWARD = [2, 5, 8, 11]
+"""Which of them are the inner ones."""
 
 
 def rings(grey: Image) -> list[tuple[Array, Array]]:
@@ -257,22 +276,49 @@ def refined_outline(grey: Image, centre: Array, axes: Array) -> Array:
 def cross_corners(outline: Array) -> Array | None:
     """(12, 2) corners of a cross in the order of `_CROSS`, from a region's outline; None where it is something else."""
     closed = outline.astype(np.float32).reshape(-1, 1, 2)
-    polygon = cv2.approxPolyDP(closed, 0.02 * cv2.arcLength(closed, True), True).reshape(-1, 2).astype(float)
+    polygon = _clockwise(
+        cv2.approxPolyDP(closed, 0.02 * cv2.arcLength(closed, True), True).reshape(-1, 2).astype(float)
+    )
     if len(polygon) != 12:
         return None
-    edge = np.roll(polygon, -1, axis=0) - polygon
-    before = np.roll(edge, 1, axis=0)
-    turn = before[:, 0] * edge[:, 1] - before[:, 1] * edge[:, 0]
-    if turn.sum() < 0.0:  # counter-clockwise in the image
-        polygon = polygon[::-1]
-        edge = np.roll(polygon, -1, axis=0) - polygon
-        before = np.roll(edge, 1, axis=0)
-        turn = before[:, 0] * edge[:, 1] - before[:, 1] * edge[:, 0]
-    inward = np.flatnonzero(turn < 0.0)
+    inward = np.flatnonzero(_turns(polygon) < 0.0)
     if len(inward) != 4 or set(np.diff(inward)) - {3}:
         return None
     # In _CROSS the third corner is the first inward one.
     return np.asarray(np.roll(polygon, 2 - int(inward[0]), axis=0))
+
+
+def inner_corners(outline: Array, size_px: tuple[int, int]) -> Array | None:
+    """(4, 2) corners at which the outline of a dark region turns inward, clockwise, where there are just four, about a square
+    and none at the edge of the image of that size; else None."""
+    closed = outline.astype(np.float32).reshape(-1, 1, 2)
+    polygon = _clockwise(
+        cv2.approxPolyDP(closed, 0.008 * cv2.arcLength(closed, True), True).reshape(-1, 2).astype(float)
+    )
+    if len(polygon) < 8:
+        return None
+    inner = polygon[_turns(polygon) < 0.0]
+    if len(inner) != 4 or np.any(inner < 2.0) or np.any(inner > np.array(size_px) - 3.0):
+        return None
+    sides = np.linalg.norm(np.roll(inner, -1, axis=0) - inner, axis=1)
+    is_square = bool(np.all(_turns(inner) > 0.0)) and float(sides.min()) > 0.6 * float(sides.max())
+    return inner if is_square else None
+
+
+def _clockwise(polygon: Array) -> Array:
+    """The same corners, clockwise in the image."""
+    return polygon[::-1] if float(_turns(polygon).sum()) < 0.0 else polygon
+
+
+def _turns(polygon: Array) -> Array:
+    """(N,) cross product of the edges before and after each corner: positive where a clockwise outline turns outward."""
+    edge = np.roll(polygon, -1, axis=0) - polygon
+    before = np.roll(edge, 1, axis=0)
+    return np.asarray(before[:, 0] * edge[:, 1] - before[:, 1] * edge[:, 0])
+
+
+def _shortest_side(corners: Array) -> float:
+    return float(np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1).min())
 
 
 def nearest_quarter_turn(q_CP: Quaternion, predicted: Quaternion) -> Quaternion:
@@ -303,6 +349,11 @@ def _part_of(grey: Image, part: region.Region, shrink: int) -> Image:
 def _unshrunk(pixels: Array, part: region.Region, shrink: int) -> Array:
     """Pixels of `_part_of` as pixels of the whole image."""
     return np.asarray((pixels + 0.5) * shrink - 0.5 + (part.left, part.top))
+
+
+def _is_within(grey: Image, pixels: Array) -> bool:
+    """OpenCV refuses corners that lie outside the image."""
+    return bool(np.all(pixels >= 0.0) and np.all(pixels <= np.array(grey.shape[1::-1]) - 1.0))
 
 
 def _subpix(grey: Image, corners: Array) -> Array:

@@ -93,3 +93,11 @@ def test_the_nearest_of_four_quarters_is_taken() -> None:
     east = (np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5))
     assert cross.nearest_quarter_turn(q, east) == pytest.approx(east)
     assert cross.nearest_quarter_turn(q, (0.99, 0.0, 0.0, 0.141)) == pytest.approx(q)
+
+
+@pytest.mark.parametrize("height_m", [0.35, 0.5, 0.65, 0.8])
+def test_nearer_still_the_inner_corners_of_a_cut_off_cross_are_enough(height_m: float) -> None:
+    """The arms of 0.36 m are cut off by the edge of the image."""
+    R, p = scenes.looking_down(0.4, 0.05, 0.1), np.array([0.03, 0.05, height_m])
+    observation = observed(DETECTOR.detect(frame_of(R, p, 7), hint(R, p + 0.02)))
+    assert np.linalg.norm(np.array(observation.pad_position_camera_m) - p) < 0.02
