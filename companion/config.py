@@ -173,12 +173,13 @@ class Planning(_Section, frozen=True):
 
 
 class Control(_Section, frozen=True):
-    """Reference and estimate to velocity setpoint."""
+    """Reference and estimate to velocity setpoint. `trajectory_gain_hz` is that of `position_target` alone."""
 
     controller: str = "velocity"
     rate_hz: Positive = 50.0
     position_gain_hz: Positive = 1.8
     vertical_gain_hz: Positive = 1.2
+    trajectory_gain_hz: Positive = 0.5
     damping: NonNegative = 0.5
     integral_gain_hz2: NonNegative = 0.15
     max_integral_m_s: NonNegative = 0.6

@@ -281,6 +281,7 @@ class Pipeline:
                 pad_acceleration_ahead_m_s2=target.acceleration_ahead_m_s2,
                 feedback=goal.style != "press",
                 velocity_ned_m_s=pose.velocity_ned_m_s,
+                position_ned_m=pose.position_ned_m,
                 q_ned_frd=pose.q_ned_frd,
                 goal_position_m=None if goal.style == "pattern" else goal.position_m,
             )

@@ -25,7 +25,7 @@ ROOT = Path(__file__).resolve().parents[1]
 BEGIN, END = "<!-- results:begin -->", "<!-- results:end -->"
 HEAD = (
     "| flight | n | landed | 95 % interval | error mean / p50 / p95 m | across p95 m/s | down p95 m/s | tilt p95 deg "
-    "| sight to touchdown p50 s | in the air |\n| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n"
+    "| sight to touchdown p50 s | in the air | down in no-land zone |\n| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n"
 )
 SHORT_HEAD = (
     "| flight | wanted | landed of n | 95 % interval | error mean / p95 m | across / down p95 m/s |\n"
@@ -102,7 +102,7 @@ def main(commit: str, files: list[str]) -> None:
     page = (
         "# Results\n\nAll **simulated**. Made by `python docs/make_results.py` from the campaigns named below; "
         f"{made}. Intervals are Wilson's, 95 %. Errors are over all flights that touched the pad, landed or not; "
-        '"in the air" counts disarms in the air.\n\n'
+        '"in the air" counts disarms in the air, "down in no-land zone" touches in a zone in which Companion must not land.\n\n'
     )
     sections = [
         f"## {one.campaign.name}\n\n{one.command}.\n\n{HEAD}{''.join(map(_row, one.cells))}" for one in campaigns
@@ -135,7 +135,7 @@ def _row(cell: CellStatistics) -> str:
         f"| {cell.cell} | {cell.n} | {cell.landed} ({cell.landed / cell.n:.1%}) | {_interval(cell)} "
         f"| {_m(cell.error_mean_m)} / {_m(cell.error_p50_m)} / {_m(cell.error_p95_m)} "
         f"| {_m(cell.speed_horizontal_p95_m_s)} | {_m(cell.speed_vertical_p95_m_s)} | {_m(cell.tilt_p95_deg, 1)} "
-        f"| {_m(cell.first_sight_to_touchdown_p50_s, 1)} | {cell.forced_disarms_in_air} |\n"
+        f"| {_m(cell.first_sight_to_touchdown_p50_s, 1)} | {cell.forced_disarms_in_air} | {cell.down_in_no_land_zone} |\n"
     )
 
 

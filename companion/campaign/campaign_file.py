@@ -12,6 +12,9 @@ presets = []                     # configuration files of the app, relative to t
 "wind.mean_m_s" = 5.0
 [axes]                           # every combination is flown; keys of the scenario, or of the app with "app:" in front
 "path.speed_m_s" = [1.0, 2.0, 4.2]
+[worlds]                         # each is flown: a name for keys of the scenario that belong together
+calm = {}
+radio = {faults = [{kind = "datagram_loss", fraction = 0.3}]}
 [variants]                       # each is flown in the same worlds: further configuration files of the app
 ours = []
 naive = ["../peers/p_follow.toml"]
@@ -35,6 +38,7 @@ from sitl_stub.scenario import read as read_scenario
 
 APP_PREFIX = "app:"
 VARIANT = "variant"
+WORLD = "world"
 
 
 class Campaign(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -48,12 +52,14 @@ class Campaign(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
     set: dict[str, Any] = {}
     world: dict[str, Any] = {}
     axes: dict[str, tuple[Any, ...]] = {}
+    worlds: dict[str, dict[str, Any]] = {}
     variants: dict[str, tuple[str, ...]] = {}
 
     @property
     def all_axes(self) -> dict[str, tuple[Any, ...]]:
-        """The axes in the order in which they are flown, the variants as the last."""
-        return {**self.axes, VARIANT: tuple(self.variants)} if self.variants else dict(self.axes)
+        """The axes in the order in which they are flown; then the named worlds, the variants as the last."""
+        named = {WORLD: tuple(self.worlds), VARIANT: tuple(self.variants)}
+        return {**self.axes, **{axis: names for axis, names in named.items() if names}}
 
 
 class Sample(msgspec.Struct, frozen=True):
@@ -107,6 +113,7 @@ def samples(campaign: Campaign, seeds: int | None = None) -> Iterator[Sample]:
         chosen = dict(zip(axes, values, strict=True))
         cell = " ".join([scenario, *(f"{key}={value}" for key, value in chosen.items())])
         presets = campaign.presets + campaign.variants.get(chosen.pop(VARIANT, ""), ())
+        named_world = campaign.worlds.get(chosen.pop(WORLD, ""), {})
         app = {k.removeprefix(APP_PREFIX): v for k, v in chosen.items() if k.startswith(APP_PREFIX)}
         world = {k: v for k, v in chosen.items() if not k.startswith(APP_PREFIX)}
         wanted = campaign.seeds if seeds is None else min(seeds, campaign.seeds)
@@ -118,7 +125,7 @@ def samples(campaign: Campaign, seeds: int | None = None) -> Iterator[Sample]:
                 cell,
                 presets,
                 {**campaign.set, **app},
-                {**campaign.world, **world},
+                {**campaign.world, **world, **named_world},
             )
         index += campaign.seeds
 
@@ -126,6 +133,8 @@ def samples(campaign: Campaign, seeds: int | None = None) -> Iterator[Sample]:
 def fingerprint(campaign: Campaign) -> str:
     """Of everything that decides what sample N is, files by their content: a file of results belongs to one fingerprint."""
     content = msgspec.to_builtins(campaign)
+    if not campaign.worlds:
+        del content["worlds"]  # results flown before there were named worlds stay valid
     content["presets"] = _contents(campaign.presets)
     content["variants"] = {name: _contents(files) for name, files in campaign.variants.items()}
     content["scenarios"] = [[name, read_scenario(find_scenario("scenarios", name))] for name in campaign.scenarios]

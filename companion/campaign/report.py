@@ -36,17 +36,19 @@ def campaign_report(campaign: Campaign, path: Path, rows: Mapping[int, Row], cel
     landed = sum(cell.landed for cell in cells)
     whole = cell_statistics(campaign.name, [one.row for one in flown])
     in_air = sum(cell.forced_disarms_in_air for cell in cells)
+    in_zones = sum(cell.down_in_no_land_zone for cell in cells)
     title = f"Campaign {campaign.name}"
     summary = (
         f"{landed} of {len(flown)} flights landed ({_interval(whole)}); seeds {campaign.first_seed} to "
-        f"{max((one.row['seed'] for one in flown), default=campaign.first_seed)}; motors stopped in the air: {in_air}. Simulated."
+        f"{max((one.row['seed'] for one in flown), default=campaign.first_seed)}; motors stopped in the air: {in_air}; "
+        f"down in a no-land zone: {in_zones}. Simulated."
     )
     return f"""<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><title>{escape(title)}</title><style>{STYLE}
 .numbers td,.numbers th{{text-align:right;white-space:nowrap}}.numbers td:first-child,.numbers th:first-child{{text-align:left}}
 </style></head><body>
 <h1>{escape(title)}</h1>
-<p class="verdict{"" if in_air == 0 and landed == len(flown) else " bad"}">{escape(summary)}</p>
+<p class="verdict{"" if in_air == in_zones == 0 and landed == len(flown) else " bad"}">{escape(summary)}</p>
 <h2>Where it lands</h2>{"".join(heat_map_svg(chart) for chart in envelope_maps(campaign, cells))}
 <p>Colour: part of the flights that landed. Below it the 95 % Wilson interval and the number of flights.</p>
 <h2>Where on the pad</h2><div class="grid2">{"".join(svg(chart) for chart in _scatters(flown))}</div>

@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
+from companion.campaign.no_land_watch import NoLandWatch
 from companion.config import Config
 from companion.io.mcap_log import FrameSink
 from companion.messages import (
@@ -78,6 +79,7 @@ class FlightResult:
     start_s: float | None
     touchdown_s: float | None
     forced_disarms: int
+    lowest_in_no_land_zone_m: float | None = None
     notes: list[str] = field(default_factory=list)
 
 
@@ -123,6 +125,7 @@ class Flight:
         operator = operator or Operator()
         self._world = World(scenario, seed)
         self._limit_s = scenario.duration_limit_s
+        self._no_land = NoLandWatch(config.safety.zones)
         self._onboard = Onboard(config, start_ns=CLOCK_OFFSET_NS)
         self._detectors: dict[str, WatchedDetector] = {config.vision.camera: build_detector(config)}
         self._arrivals = ArrivalWatch(
@@ -225,12 +228,13 @@ class Flight:
         for entry in entries:
             if isinstance(entry.message, VehicleCommand) and entry.message.kind is CommandKind.FORCE_DISARM:
                 self._forced_disarms += 1
-        if not self._sinks:
+        if not self._sinks and not self._no_land:
             return
         truth = None
         if self._now_s - self._last_truth_s >= 0.0499:
             self._last_truth_s = self._now_s
             truth = self._world.truth()
+            self._no_land.update(truth)
         for sink in self._sinks:
             sink.journal(entries)
             if truth is not None:
@@ -259,6 +263,7 @@ class Flight:
             start_s=self._started_s,
             touchdown_s=verdict.touchdown_s,
             forced_disarms=self._forced_disarms,
+            lowest_in_no_land_zone_m=self._no_land.lowest_m,
         )
 
 

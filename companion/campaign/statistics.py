@@ -50,6 +50,9 @@ class CellStatistics:
     first_sight_to_touchdown_p50_s: float | None
     real_time_factor_p50: float | None
     forced_disarms_in_air: int
+    down_in_no_land_zone: int
+    """Flights that touched pad or ground in a no-land zone into which they had flown."""
+    lowest_in_no_land_zone_m: float | None
     outcomes: dict[str, int]
 
 
@@ -58,6 +61,7 @@ def cell_statistics(cell: str, rows: Sequence[dict[str, Any]]) -> CellStatistics
     landed = sum(1 for row in rows if row["outcome"] == "landed")
     low, high = wilson(landed, len(rows))
     errors = _numbers(rows, "touchdown_error_m")
+    heights_in_zones = _numbers(rows, "lowest_in_no_land_zone_m")
     outcomes: dict[str, int] = {}
     for row in rows:
         outcomes[row["outcome"]] = outcomes.get(row["outcome"], 0) + 1
@@ -77,6 +81,8 @@ def cell_statistics(cell: str, rows: Sequence[dict[str, Any]]) -> CellStatistics
         first_sight_to_touchdown_p50_s=percentile(_numbers(rows, "first_sight_to_touchdown_s"), 0.5),
         real_time_factor_p50=percentile(_numbers(rows, "real_time_factor"), 0.5),
         forced_disarms_in_air=sum(1 for row in rows if row["forced_disarm_in_air"]),
+        down_in_no_land_zone=sum(1 for height_m in heights_in_zones if height_m == 0.0),
+        lowest_in_no_land_zone_m=min(heights_in_zones, default=None),
         outcomes=outcomes,
     )
 

@@ -32,6 +32,7 @@ def summary(result: FlightResult, *, scenario: str, seed: int, wall_s: float) ->
         "real_time_factor": round(result.simulated_s / wall_s, 2) if wall_s > 0.0 else None,
         "forced_disarm_in_air": verdict.forced_disarm_in_air,
         "forced_disarms": result.forced_disarms,
+        "lowest_in_no_land_zone_m": _rounded(result.lowest_in_no_land_zone_m),
         "go_arounds": result.go_arounds,
         "frames": result.frames,
         "frames_with_pad": result.frames_with_pad,

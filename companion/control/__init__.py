@@ -12,6 +12,7 @@ from companion.control.dalang import AbsoluteDampingLaw
 from companion.control.l1 import AdaptiveLaw
 from companion.control.law import ControlInput, Controller, ControlOutput, Reference, YawInput
 from companion.control.p_follow import ProportionalFollowLaw
+from companion.control.position_target import PositionTargetLaw
 from companion.control.target_velocity import TargetVelocityLaw
 from companion.control.velocity import VelocityLaw
 from companion.control.yaw import hold_yaw, yaw_in_box, yaw_to_command, yaw_to_pad, yaw_to_travel
@@ -23,6 +24,7 @@ CONTROLLERS: dict[str, Callable[[Control], Controller]] = {
     "l1": AdaptiveLaw,
     "dalang": AbsoluteDampingLaw,
     "p_follow": ProportionalFollowLaw,
+    "position_target": PositionTargetLaw,
     "target_velocity": TargetVelocityLaw,
 }
 

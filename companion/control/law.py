@@ -24,7 +24,7 @@ class ControlInput:
 
     `relative_*` is vehicle minus pad now; `reference` is for now, `reference_ahead`, `pad_velocity_ahead_m_s` and
     `pad_acceleration_ahead_m_s2` are for the moment at which a setpoint sent now will act (`lead_s` later). The vehicle's own
-    velocity and attitude are for laws that look at more than the difference; `goal_position_m` (vehicle minus pad) is where
+    velocity, position and attitude are for laws that look at more than the difference; `goal_position_m` (vehicle minus pad) is where
     the reference leads to, for laws that know no reference.
     """
 
@@ -37,6 +37,7 @@ class ControlInput:
     pad_acceleration_ahead_m_s2: Vec3
     feedback: bool = True
     velocity_ned_m_s: Vec3 = ZERO
+    position_ned_m: Vec3 = ZERO
     q_ned_frd: Quaternion = IDENTITY_QUATERNION
     goal_position_m: Vec3 | None = None
 

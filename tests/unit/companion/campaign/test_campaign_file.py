@@ -70,6 +70,15 @@ def test_variants_fly_in_the_same_worlds(tmp_path: Path) -> None:
     assert slow.cell.endswith("variant=slow")
 
 
+def test_named_worlds_add_their_keys_to_the_scenario_and_their_names_to_the_cells(tmp_path: Path) -> None:
+    text = TEXT + "[worlds]\ncalm = {}\nradio = {faults = [{kind = 'datagram_loss', fraction = 0.3}]}\n"
+    flown = list(samples(load_campaign(written(tmp_path, text))))
+    calm, radio = flown[0], flown[3]
+    assert "faults" not in calm.world
+    assert radio.world == {**calm.world, "faults": [{"kind": "datagram_loss", "fraction": 0.3}]}
+    assert radio.cell.endswith("world=radio")
+
+
 def test_a_preset_with_other_content_is_another_campaign(tmp_path: Path) -> None:
     preset = tmp_path / "slow.toml"
     preset.write_text("[control]\nmax_speed_m_s = 2.0\n", encoding="utf-8")

@@ -29,6 +29,7 @@ def lag_s(name: str, **settings: float) -> float:
                 reference_ahead=STILL,
                 pad_velocity_ahead_m_s=(SPEED_M_S, 0.0, 0.0),
                 pad_acceleration_ahead_m_s2=ZERO,
+                position_ned_m=(plant.position_m, 0.0, 0.0),
                 velocity_ned_m_s=(plant.velocity_m_s, 0.0, 0.0),
                 q_ned_frd=plant.q_ned_frd,
                 goal_position_m=ZERO,
@@ -44,6 +45,7 @@ def lag_s(name: str, **settings: float) -> float:
     [
         ("p_follow", {"position_gain_hz": 1.0}, 1.0),  # measured on a real PX4: 1.0 to 1.1 s
         ("p_follow", {"position_gain_hz": 0.5}, 2.0),
+        ("position_target", {"trajectory_gain_hz": 0.5, "position_gain_hz": 0.95}, 2.0),  # 1 / MPC_XY_TRAJ_P
         ("dalang", {"position_gain_hz": 0.8, "damping": 0.27}, 1.27 / 0.8),  # the paper's own figures give 1.59 s
         ("target_velocity", {"position_gain_hz": 1.0}, 0.0),
         ("velocity", {}, 0.0),
