@@ -200,13 +200,15 @@ def speed_found_after_s(flight: WatchedFlight) -> float:
     sights = flight.watch.sights
     if not sights:
         return math.nan
-    truth = {round(i.t_s, 1): subtract(i.pad_velocity_m_s, i.velocity_m_s) for i in flight.watch.instants}
+    truth = flight.watch.instants
+    times = [i.t_s for i in truth]
     good_since: float | None = None
     for t_s, estimated in flight.watch.relative_velocities:
-        velocity = truth.get(round(t_s, 1))
-        if velocity is None:
-            continue
-        away = math.dist(velocity[:2], estimated[:2])
+        velocity = [
+            float(np.interp(t_s, times, [i.pad_velocity_m_s[axis] - i.velocity_m_s[axis] for i in truth]))
+            for axis in range(2)
+        ]
+        away = math.dist(velocity, estimated[:2])
         good_since = (t_s if good_since is None else good_since) if away < SPEED_FOUND_M_S else None
         if good_since is not None and t_s - good_since >= HELD_S:
             return good_since - sights[0][0]
