@@ -26,6 +26,7 @@ Ids = npt.NDArray[np.int64]
 Markers = dict[int, Array]
 """Corners (4, 2) in the image by marker id, clockwise from the marker's top-left corner."""
 
+_CORNER_BEFORE = np.array([3, 0, 1, 2])
 _MIN_SIDE_PX = 8.0
 """Below this a code cannot be read."""
 _REGION_SIDE_PX = 240
@@ -207,7 +208,8 @@ def _observation(frame: CameraImage, markers: Markers, found: pose.PlanarPose) -
 
 def _side_px(quads: Array) -> Array:
     """(M,) mean side."""
-    return np.asarray(np.linalg.norm(quads - np.roll(quads, 1, axis=1), axis=2).mean(axis=1))
+    sides = quads - quads[:, _CORNER_BEFORE]
+    return np.asarray(np.sqrt((sides * sides).sum(axis=2)).sum(axis=1) / 4.0)
 
 
 def _subpix(grey: Image, quads: Array) -> Array:

@@ -136,7 +136,10 @@ def _fitted_offsets(weight: Array, place: Array, reach_px: Array) -> tuple[Array
 
 def _line_through(place: Array, w: Array) -> Array:
     """(M, 4, 2) offset at fraction 0 and slope."""
-    sums = np.stack((w, w * place)) @ _POWERS
+    weighted = np.empty((2, *place.shape))
+    weighted[0] = w
+    np.multiply(w, place, out=weighted[1])
+    sums = (weighted.reshape(-1, SAMPLES) @ _POWERS).reshape(2, *place.shape[:2], 3)
     s0, s1, s2 = sums[0, ..., 0], sums[0, ..., 1], sums[0, ..., 2]
     p0, p1 = sums[1, ..., 0], sums[1, ..., 1]
     determinant = np.maximum(s0 * s2 - s1 * s1, 1e-12)

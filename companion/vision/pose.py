@@ -27,11 +27,12 @@ AMBIGUOUS_CHI2 = 13.8
 CLEARLY_WORSE_PX = 1.5
 """Root mean square reprojection error above the better pose's at which the other needs no polishing."""
 _GAUSS_NEWTON_STEPS = 12
-_SAME_JACOBIAN_RAD = 0.02
-"""A Jacobian serves until a step turns the target by more. Seen from straight above, a small target's pixels hardly depend
-on its tilt to first order: a step along an old Jacobian goes many degrees too far there, and the next ones further."""
-_SETTLED_PX = 0.03
-"""A small step leaves a hundredth of itself: after one that moves no corner by more than this there is nothing to gain."""
+_BENT = 0.25
+"""A Jacobian serves until a step moves a pixel otherwise than it said by more than this fraction of the step. Seen from
+straight above, a small target's pixels hardly depend on its tilt to first order: steps along an old Jacobian go many degrees
+too far there."""
+_SETTLED_PX = 0.1
+"""A step that a Jacobian foretold leaves little: after one that moves no corner by more than this there is nothing to gain."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,20 +130,23 @@ def _both_guesses(points_P: Array, pixels: Array, camera: CameraModel) -> list[t
 def _polished(points_P: Array, pixels: Array, camera: CameraModel, guesses: list[tuple[Array, Array]]) -> list[_Fit]:
     """Gauss-Newton on the reprojection error, all guesses in one go; without those where a point falls behind the lens.
 
-    A Jacobian serves while the target hardly turns; the information is that of the last one.
+    A Jacobian serves while it foretells what a step does; the information is that of the last one.
     """
+    if not guesses:
+        return []
     R, p = np.array([guess[0] for guess in guesses]), np.array([guess[1] for guess in guesses])
     J: Array = np.empty(0)
     information: Array = J
     gain: Array = J
-    turn_rad = math.inf
-    for _ in range(_GAUSS_NEWTON_STEPS if guesses else 0):
+    moved, foretold = J, None
+    for _ in range(_GAUSS_NEWTON_STEPS):
         turned = points_P @ R.transpose(0, 2, 1)
-        residual = _residual(turned + p[:, None], pixels, camera)
-        in_front = np.isfinite(residual).all(axis=1)
+        left = _residual(turned + p[:, None], pixels, camera)
+        in_front = np.isfinite(left).all(axis=1)
         if not in_front.all():
             return _polished(points_P, pixels, camera, [guesses[k] for k in np.flatnonzero(in_front)])
-        if turn_rad > _SAME_JACOBIAN_RAD:
+        move_px = math.inf if foretold is None else float(np.abs(moved).max())
+        if foretold is None or float(np.abs(left - foretold).max()) > _BENT * max(move_px, _SETTLED_PX / 5.0):
             J = _jacobian(turned, turned + p[:, None], camera)
             J_T = J.transpose(0, 2, 1)
             information = np.asarray(J_T @ J, dtype=np.float64)
@@ -150,13 +154,15 @@ def _polished(points_P: Array, pixels: Array, camera: CameraModel, guesses: list
                 gain = np.asarray(np.linalg.solve(information, J_T), dtype=np.float64)
             except np.linalg.LinAlgError:
                 return []
-        step = (gain @ residual[:, :, None])[:, :, 0]
+        elif move_px < _SETTLED_PX:
+            break
+        step = (gain @ left[:, :, None])[:, :, 0]
         p = p + step[:, :3]
         R = np.array([cv2.Rodrigues(turn)[0] for turn in step[:, 3:]]) @ R
-        turn_rad = float(np.abs(step[:, 3:]).max())
-        if turn_rad <= _SAME_JACOBIAN_RAD and float(np.abs(J @ step[:, :, None]).max()) < _SETTLED_PX:
-            break
-    left = _residual(points_P @ R.transpose(0, 2, 1) + p[:, None], pixels, camera) if guesses else np.empty((0, 0))
+        moved = (J @ step[:, :, None])[:, :, 0]
+        foretold = left - moved
+    else:
+        left = _residual(points_P @ R.transpose(0, 2, 1) + p[:, None], pixels, camera)
     return [
         _Fit(R[k], p[k], squared, information[k])
         for k, squared in enumerate((left * left).sum(axis=1).tolist())
