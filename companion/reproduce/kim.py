@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from companion.config import Config
-from companion.geometry import horizontal_norm, rotate, subtract
+from companion.geometry import horizontal_norm, rotate
 from companion.messages import CameraImage, PadBearing, Phase
 from companion.mount import mounted
 from companion.reproduce.falanga import phase_bands
