@@ -23,7 +23,7 @@ from companion.geometry import wrap_pi
 from companion.messages import MeasurementVerdict, ObservationSource, PadEstimate, Vec3
 
 BIASED = (ObservationSource.BEACON, ObservationSource.ODOMETRY)
-START_AFTER_M = 0.5
+START_AFTER_M = 1.0
 """Direction and speed are taken from the first two sights this far apart."""
 MAX_TURN_RAD_S = 1.0
 AXES = ("north", "east", "down")
@@ -140,7 +140,7 @@ class UnicycleTrack:
         z, theta = m.position_o_m, float(self.x[3])
         update_position(self.x, self.P, room([0.0] * 5), z[0], z[1], z[2], kept[0], kept[1], kept[2])
         self._learn_turn(float(self.x[3]) - theta)
-        self._learn_direction(m.t_ns, z)
+        self._learn_direction(m.t_ns, z, variance[0] + m.systematic_sigma_m**2)
         self._note(m, any(kept))
         lost = [name for name, d in zip(AXES, decisions, strict=True) if d is Decision.REJECT]
         reason = "outside gate: " + ", ".join(lost) if lost else "fused"
@@ -167,8 +167,9 @@ class UnicycleTrack:
                 self.first, self.first_ns = m.position_o_m, m.t_ns
         return decision
 
-    def _learn_direction(self, t_ns: int, z: Vec3) -> None:
-        """An EKF cannot start at an unknown direction: it is taken from the way covered since the first sight."""
+    def _learn_direction(self, t_ns: int, z: Vec3, variance_m2: float) -> None:
+        """An EKF cannot start at an unknown direction: it is taken from the way covered since the first sight, and is as
+        uncertain as the two places are."""
         if self.first is None:
             return
         dx, dy, dt_s = z[0] - self.first[0], z[1] - self.first[1], (t_ns - self.first_ns) / NS
@@ -176,7 +177,8 @@ class UnicycleTrack:
         if way < START_AFTER_M or dt_s <= 0.0:
             return
         self.x[3], self.x[4] = math.atan2(dy, dx), way / dt_s
-        self.P[18], self.P[24] = 0.1, 0.25
+        self.P[18] = max(0.1, 2.0 * variance_m2 / way**2)
+        self.P[24] = max(0.25, 2.0 * variance_m2 / dt_s**2)
         for i in range(5):
             for j in (3, 4):
                 if i != j:
