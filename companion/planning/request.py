@@ -80,6 +80,10 @@ class NoPlan:
     reason: str
 
 
+START_MARGIN = 0.01
+"""m/s over what a start takes: rounding."""
+
+
 class Planner(Protocol):
     """One method. Deterministic: the same requests in the same order give the same plans."""
 
@@ -87,7 +91,7 @@ class Planner(Protocol):
 
 
 def admitting_start(request: PlanRequest) -> PlanRequest:
-    """The same request with each limit raised to what the start state itself already takes, with a tenth to spare.
+    """The same request with each limit raised to what the start state itself already takes, and no further.
 
     A planner refuses a start beyond the limits, because no plan could hold them. A vehicle that is replanned many times a
     second is now and then a little beyond them and must get back inside, so the pipeline asks through this.
@@ -96,24 +100,30 @@ def admitting_start(request: PlanRequest) -> PlanRequest:
     vx, vy, vz = request.velocity_m_s
     ax, ay, az = request.acceleration_m_s2
     px, py, pz = request.pad_velocity_m_s
-    carried = norm(request.acceleration_m_s2) ** 2 / (2.0 * limits.max_jerk_m_s3)
-    margin = 0.1 + carried
     acceleration = 1.1 * max(norm((ax, ay, az)), norm(add((ax, ay, az), request.pad_acceleration_m_s2)))
     preview = scale(request.pad_acceleration_m_s2, request.pad_preview_s)
-    later = (vx + px + preview[0], vy + py + preview[1])
+    speed = max(math.hypot(vx + px, vy + py), math.hypot(vx + px + preview[0], vy + py + preview[1]))
+    # What an acceleration still adds until the jerk limit has ended it.
+    carried = norm((ax, ay, 0.0)) ** 2 / (2.0 * limits.max_jerk_m_s3)
+    carried_z = az * abs(az) / (2.0 * limits.max_jerk_m_s3)
+    climb = -(vz + pz + min(0.0, preview[2])) + max(0.0, -carried_z)
+    descent = vz + pz + max(0.0, preview[2]) + max(0.0, carried_z)
     return replace(
         request,
         limits=replace(
             limits,
-            max_speed_m_s=max(
-                limits.max_speed_m_s, 1.1 * max(math.hypot(vx + px, vy + py), math.hypot(*later)) + margin
-            ),
-            max_climb_m_s=max(limits.max_climb_m_s, 1.1 * -(vz + pz + min(0.0, preview[2])) + margin),
-            max_descent_m_s=max(limits.max_descent_m_s, 1.1 * (vz + pz + max(0.0, preview[2])) + margin),
-            relative_speed_m_s=max(limits.relative_speed_m_s, 1.1 * math.hypot(vx, vy) + margin),
+            max_speed_m_s=_admitting(limits.max_speed_m_s, speed + carried),
+            max_climb_m_s=_admitting(limits.max_climb_m_s, climb),
+            max_descent_m_s=_admitting(limits.max_descent_m_s, descent),
+            relative_speed_m_s=_admitting(limits.relative_speed_m_s, math.hypot(vx, vy) + carried),
             max_acceleration_m_s2=max(limits.max_acceleration_m_s2, acceleration),
         ),
     )
+
+
+def _admitting(limit: float, taken: float) -> float:
+    """The limit, or what the start takes: with anything on top, each of many plans would be faster than the one before."""
+    return max(limit, taken + START_MARGIN)
 
 
 def plan_made(result: Plan | NoPlan, t_ns: int) -> PlanMade:

@@ -129,6 +129,16 @@ def test_admitting_the_start_raises_only_what_the_start_needs() -> None:
     assert raised.max_jerk_m_s3 == Limits().max_jerk_m_s3
 
 
+def test_admitting_again_and_again_is_no_way_around_a_limit() -> None:
+    limit = Limits().max_descent_m_s
+    at_limit = replace(REQUEST, limits=Limits(), velocity_m_s=(0.0, 0.0, limit), pad_velocity_m_s=(0.0, 0.0, 0.0))
+    assert admitting_start(at_limit).limits.max_descent_m_s <= limit + 0.02
+    braking = replace(at_limit, acceleration_m_s2=(0.0, 0.0, -2.0))
+    assert admitting_start(braking).limits.max_descent_m_s <= limit + 0.02
+    speeding = replace(at_limit, acceleration_m_s2=(0.0, 0.0, 2.0))
+    assert admitting_start(speeding).limits.max_descent_m_s > limit + 0.02
+
+
 def test_limits_come_from_the_configuration() -> None:
     limits = limits_from_config(Planning(max_speed_m_s=9.0, max_body_rate_deg_s=90.0))
     assert limits.max_speed_m_s == 9.0
