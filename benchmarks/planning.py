@@ -23,8 +23,10 @@ from typing import Any
 
 import numpy as np
 
+from companion.campaign.runner import Flight
 from companion.compiled import COMPILED
-from companion.config import Planning
+from companion.config import Planning, load_with
+from companion.messages import Input, Phase, Tick
 from companion.planning import PLANNERS, FieldOfView, Limits, Plan, PlanRequest, admitting_start, fan
 from companion.planning.catmull_rom import catmull_rom_path
 from companion.planning.corridor import corridor_minimum_snap
@@ -37,6 +39,7 @@ from companion.planning.min_snap import (
 )
 from companion.planning.snap import GRAM, solve
 from companion.planning.trajectory import Trajectory
+from sitl_stub.scenario import load
 
 GRAVITY = 9.80665
 PER_SITUATION = 20
@@ -217,6 +220,27 @@ def tick_time(cycles: int = 1000) -> dict[str, float]:
     return {f"p{q}_ms": float(np.percentile(times, q)) * 1e3 for q in (50, 99, 100)}
 
 
+def whole_tick_time(seed: int = 1) -> dict[str, float]:
+    """Ticks of a whole simulated landing (`line`) that plans anew at 50 Hz from 200 candidates: estimate, mission, plan and
+    control. CPU time of `Pipeline.handle`, from OFFBOARD on."""
+    wanted = {"planning.planner": "min_jerk", "planning.end_times": 40, "planning.approach_directions": 5}
+    flight = Flight(load("line"), load_with([], {**wanted, "planning.replan_hz": 50.0}), seed)
+    pipeline, times = flight._onboard.pipeline, []
+    handle = pipeline.handle
+
+    def timed(message: Input) -> list[Any]:
+        begin = time.thread_time()
+        outputs = handle(message)
+        if isinstance(message, Tick) and pipeline.phase not in (Phase.IDLE, Phase.ENGAGE):
+            times.append(time.thread_time() - begin)
+        return outputs
+
+    setattr(pipeline, "handle", timed)  # noqa: B010  an instance is watched, not the class changed
+    outcome = flight.run(lambda: False).outcome
+    figures = {f"p{q}_ms": float(np.percentile(times, q)) * 1e3 for q in (50, 99, 100)}
+    return {"landed": float(outcome == "landed"), "ticks": float(len(times)), **figures}
+
+
 def sample_time() -> float:
     """Microseconds a sample of a B-spline plan (position, velocity, acceleration)."""
     result = PLANNERS["bspline"](Planning()).plan(admitting_start(situation(np.random.default_rng(5), view=False)))
@@ -295,6 +319,7 @@ def measure(candidates: int) -> dict[str, Any]:
         "candidate, NumPy batch of 20 sampled at 100 instants, ns": numpy_times(100),
         "verdicts against 2001 samples": false_verdicts(candidates),
         "fan of 200 candidates, whole plan": tick_time(),
+        "whole 50 Hz tick of a flight, 200 candidates": whole_tick_time(),
         "sample of a plan, us": sample_time(),
         "planners": planner_times(300),
         "minimum snap by segments": snap_times(),
