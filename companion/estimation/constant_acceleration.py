@@ -9,14 +9,21 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from companion.estimation.constant_velocity import add_velocity_noise
-from companion.estimation.kalman import Vector, transform_covariance
-from companion.estimation.motion import DEFAULT_BIAS, SHARED, VX, VY, BeaconBias, Motion, X, Y
+from companion.estimation.constant_velocity import velocity_noise, velocity_noise_at
+from companion.estimation.kalman import Step, Vector, predict_covariance
+from companion.estimation.motion import DEFAULT_BIAS, FADING, SHARED, VX, VY, BeaconBias, Motion, X, Y
 
 AX, AY = SHARED, SHARED + 1
 SIZE = SHARED + 2
 ROWS = (X, Y, VX, VY, X, Y, AX, AY)
 COLUMNS = (VX, VY, AX, AY, AX, AY, AX, AY)
+AXES = ((X, VX, AX), (Y, VY, AY))
+JERK_AT = tuple(
+    i * SIZE + j
+    for p, v, a in AXES
+    for i, j in ((a, a), (a, v), (v, a), (a, p), (p, a), (v, v), (v, p), (p, v), (p, p))
+)
+STEP = Step(SIZE, ROWS, COLUMNS, (*JERK_AT, *velocity_noise_at(SIZE)), FADING)
 MAX_STEP_S = 0.5
 
 
@@ -43,30 +50,35 @@ class ConstantAcceleration:
             dt_s -= MAX_STEP_S
         self._step(x, P, dt_s)
 
+    def move(self, x: Vector, dt_s: float) -> None:
+        while dt_s > MAX_STEP_S:
+            self._moved(x, MAX_STEP_S)
+            dt_s -= MAX_STEP_S
+        self._moved(x, dt_s)
+
     def _step(self, x: Vector, P: Vector, dt_s: float) -> None:
+        values = self._moved(x, dt_s)
+        predict_covariance(P, STEP, values, self._noise(dt_s), *self.bias.fading(dt_s))
+
+    def _moved(self, x: Vector, dt_s: float) -> tuple[float, ...]:
+        """The mean a step on; returns the entries of F - I."""
         fade = math.exp(-dt_s / self.time_s)
         to_velocity = self.time_s * (1.0 - fade)
         to_position = self.time_s * (dt_s - to_velocity)
-        for p, v, a in ((X, VX, AX), (Y, VY, AY)):
+        for p, v, a in AXES:
             x[p] += dt_s * x[v] + to_position * x[a]
             x[v] += to_velocity * x[a]
             x[a] *= fade
-        values = (dt_s, dt_s, to_velocity, to_velocity, to_position, to_position, fade - 1.0, fade - 1.0)
-        transform_covariance(P, SIZE, ROWS, COLUMNS, values)
-        self._add_noise(P, dt_s)
-        self.bias.predict(x, P, SIZE, dt_s)
+        self.bias.move(x, dt_s)
+        return (dt_s, dt_s, to_velocity, to_velocity, to_position, to_position, fade - 1.0, fade - 1.0)
 
-    def _add_noise(self, P: Vector, dt_s: float) -> None:
+    def _noise(self, dt_s: float) -> tuple[float, ...]:
         """White jerk of the density that keeps the stationary variance, integrated (exact to the first order of dt/T)."""
         psd = 2.0 * self.sigma_m_s2 * self.sigma_m_s2 / self.time_s
         aa, av, ap = psd * dt_s, psd * dt_s**2 / 2.0, psd * dt_s**3 / 6.0
         vv, vp, pp = psd * dt_s**3 / 3.0, psd * dt_s**4 / 8.0, psd * dt_s**5 / 20.0
-        for p, v, a in ((X, VX, AX), (Y, VY, AY)):
-            for i, j, q in ((a, a, aa), (a, v, av), (a, p, ap), (v, v, vv), (v, p, vp), (p, p, pp)):
-                P[i * SIZE + j] += q
-                if i != j:
-                    P[j * SIZE + i] += q
-        add_velocity_noise(P, SIZE, self.velocity_psd, dt_s)
+        jerk = (aa, av, av, ap, ap, vv, vp, vp, pp)
+        return (*jerk, *jerk, *velocity_noise(self.velocity_psd, dt_s))
 
     def motion(self, x: Vector) -> Motion:
         v2 = x[VX] * x[VX] + x[VY] * x[VY]

@@ -8,11 +8,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from companion.estimation.kalman import Vector, transform_covariance
-from companion.estimation.motion import DEFAULT_BIAS, SHARED, VX, VY, BeaconBias, Motion, X, Y
+from companion.estimation.kalman import Step, Vector, predict_covariance
+from companion.estimation.motion import DEFAULT_BIAS, FADING, SHARED, VX, VY, BeaconBias, Motion, X, Y
 
-ROWS = (X, Y)
-COLUMNS = (VX, VY)
+
+
+def velocity_noise_at(n: int) -> tuple[int, ...]:
+    """Where in an n x n covariance the numbers of `velocity_noise` go."""
+    return tuple(i * n + j for p, v in ((X, VX), (Y, VY)) for i, j in ((p, p), (p, v), (v, p), (v, v)))
+
+
+STEP = Step(SHARED, (X, Y), (VX, VY), velocity_noise_at(SHARED), FADING)
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,23 +36,22 @@ class ConstantVelocity:
         return (), ()
 
     def predict(self, x: Vector, P: Vector, dt_s: float) -> None:
+        self.move(x, dt_s)
+        noise = velocity_noise(self.acceleration_psd, dt_s)
+        predict_covariance(P, STEP, (dt_s, dt_s), noise, *self.bias.fading(dt_s))
+
+    def move(self, x: Vector, dt_s: float) -> None:
         x[X] += dt_s * x[VX]
         x[Y] += dt_s * x[VY]
-        transform_covariance(P, SHARED, ROWS, COLUMNS, (dt_s, dt_s))
-        add_velocity_noise(P, SHARED, self.acceleration_psd, dt_s)
-        self.bias.predict(x, P, SHARED, dt_s)
+        self.bias.move(x, dt_s)
 
     def motion(self, x: Vector) -> Motion:
         return Motion((0.0, 0.0), 0.0)
 
 
-def add_velocity_noise(P: Vector, n: int, psd: float, dt_s: float) -> None:
-    """White acceleration of density `psd` on both axes, integrated over dt_s into velocity and position."""
+def velocity_noise(psd: float, dt_s: float) -> tuple[float, ...]:
+    """White acceleration of density `psd` on both axes, integrated over dt_s: what is added at `velocity_noise_at`."""
     vv = psd * dt_s
     pv = 0.5 * vv * dt_s
     pp = vv * dt_s * dt_s / 3.0
-    for p, v in ((X, VX), (Y, VY)):
-        P[p * n + p] += pp
-        P[p * n + v] += pv
-        P[v * n + p] += pv
-        P[v * n + v] += vv
+    return (pp, pv, pv, vv, pp, pv, pv, vv)

@@ -10,9 +10,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from companion.estimation.constant_velocity import add_velocity_noise
-from companion.estimation.kalman import Vector, transform_covariance
-from companion.estimation.motion import DEFAULT_BIAS, SHARED, VX, VY, BeaconBias, Motion, X, Y
+from companion.estimation.constant_velocity import velocity_noise, velocity_noise_at
+from companion.estimation.kalman import Step, Vector, predict_covariance
+from companion.estimation.motion import DEFAULT_BIAS, FADING, SHARED, VX, VY, BeaconBias, Motion, X, Y
 from companion.estimation.turn import ARC_ENTRIES, arc, arc_acceleration
 
 TURN, ALONG, YAW = range(SHARED, SHARED + 3)
@@ -28,6 +28,7 @@ ENTRIES = (
 )
 ROWS = tuple(row for row, _ in ENTRIES)
 COLUMNS = tuple(column for _, column in ENTRIES)
+STEP = Step(SIZE, ROWS, COLUMNS, (TURN * SIZE + TURN, ALONG * SIZE + ALONG, *velocity_noise_at(SIZE)), FADING)
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,16 +54,27 @@ class CoordinatedTurn:
             dt_s -= MAX_STEP_S
         self._step(x, P, dt_s)
 
+    def move(self, x: Vector, dt_s: float) -> None:
+        while dt_s > MAX_STEP_S:
+            self._moved(x, MAX_STEP_S)
+            dt_s -= MAX_STEP_S
+        self._moved(x, dt_s)
+
     def _step(self, x: Vector, P: Vector, dt_s: float) -> None:
+        values = self._moved(x, dt_s)
+        fade = math.exp(-dt_s / self.along_time_s)
+        along = self.along_sigma_m_s2**2 * (1.0 - fade * fade)
+        noise = (self.turn_psd * dt_s, along, *velocity_noise(self.velocity_psd, dt_s))
+        predict_covariance(P, STEP, values, noise, *self.bias.fading(dt_s))
+
+    def _moved(self, x: Vector, dt_s: float) -> tuple[float, ...]:
+        """The mean a step on; returns the entries of F - I."""
         fade = math.exp(-dt_s / self.along_time_s)
         values = (*arc(x, x[TURN], x[ALONG], dt_s), fade - 1.0, dt_s)
         x[YAW] += x[TURN] * dt_s
         x[ALONG] *= fade
-        transform_covariance(P, SIZE, ROWS, COLUMNS, values)
-        P[TURN * SIZE + TURN] += self.turn_psd * dt_s
-        P[ALONG * SIZE + ALONG] += self.along_sigma_m_s2**2 * (1.0 - fade * fade)
-        add_velocity_noise(P, SIZE, self.velocity_psd, dt_s)
-        self.bias.predict(x, P, SIZE, dt_s)
+        self.bias.move(x, dt_s)
+        return values
 
     def motion(self, x: Vector) -> Motion:
         return Motion(arc_acceleration(x, x[TURN], x[ALONG]), x[TURN])

@@ -12,6 +12,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -115,9 +116,72 @@ def _transformed(P: Array, n: int, rows: Indices, columns: Indices, values: Arra
     return result
 
 
+@dataclass(frozen=True, slots=True)
+class Step:
+    """What one prediction does to a covariance of n x n, apart from the numbers: F = I + values at (rows, columns), then noise
+    added to the elements `noise_at` (i * n + j), one after the other, then the states `fading` multiplied."""
+
+    n: int
+    rows: tuple[int, ...]
+    columns: tuple[int, ...]
+    noise_at: tuple[int, ...]
+    fading: tuple[int, ...]
+    arrays: tuple[Indices, Indices, Indices, Indices] = field(init=False, compare=False, repr=False)
+
+    def __post_init__(self) -> None:
+        indices = (self.rows, self.columns, self.noise_at, self.fading)
+        object.__setattr__(self, "arrays", tuple(np.array(each, np.int64) for each in indices))
+
+
+def predict_covariance(
+    P: Vector, step: Step, values: Sequence[float], noise: Sequence[float], decay: float, gained: float
+) -> None:
+    """P <- D (F P F' + noise) D' + gained, in place, in one go: D multiplies each of `step.fading` by `decay`, and these gain the
+    variance `gained`. In machine code where there is a compiler, to the same bits."""
+    if COMPILED and step.n >= COMPILED_FROM:
+        numbers = np.array((*values, *noise))
+        P[:] = _predicted(np.array(P), step.n, *step.arrays, numbers, decay, gained).tolist()
+        return
+    n = step.n
+    transform_covariance(P, n, step.rows, step.columns, values)
+    for place, amount in zip(step.noise_at, noise, strict=True):
+        P[place] += amount
+    for i in step.fading:
+        scale_state(P, n, i, decay)
+        P[i * n + i] += gained
+
+
+@compiled
+def _predicted(
+    P: Array,
+    n: int,
+    rows: Indices,
+    columns: Indices,
+    noise_at: Indices,
+    fading: Indices,
+    numbers: Array,
+    decay: float,
+    gained: float,
+) -> Array:
+    """`predict_covariance`, addition by addition; `numbers` are the values of F - I, then the noise."""
+    count = len(rows)
+    result = _transformed(P, n, rows, columns, numbers[:count])
+    for k in range(len(noise_at)):
+        result[noise_at[k]] += numbers[count + k]
+    for k in range(len(fading)):
+        i = fading[k]
+        for j in range(n):
+            result[i * n + j] *= decay
+        for j in range(n):
+            result[j * n + i] *= decay
+        result[i * n + i] += gained
+    return result
+
+
 def warm_up() -> None:
     """Compile, or load from the cache, before anything flies: the first call takes a second where nothing is cached."""
     transform_covariance([0.0] * COMPILED_FROM**2, COMPILED_FROM, (0,), (1,), (0.5,))
+    predict_covariance([0.0] * COMPILED_FROM**2, Step(COMPILED_FROM, (0,), (1,), (0,), (2,)), (0.5,), (0.0,), 1.0, 0.0)
 
 
 @functools.cache

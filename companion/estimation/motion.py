@@ -18,6 +18,8 @@ from companion.estimation.kalman import Vector, scale_state
 
 X, Y, BX, BY, VX, VY = range(6)
 SHARED = 6
+FADING = (BX, BY)
+"""The states that `BeaconBias` multiplies, last in each step."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +57,9 @@ class MotionModel(Protocol):
     def predict(self, x: Vector, P: Vector, dt_s: float) -> None:
         """Advance mean and covariance in place. `dt_s` >= 0; the model splits long steps itself."""
 
+    def move(self, x: Vector, dt_s: float) -> None:
+        """Advance the mean alone, to the same bits: for questions that need no covariance."""
+
     def motion(self, x: Vector) -> Motion: ...
 
 
@@ -65,12 +70,22 @@ class BeaconBias:
     sigma_m: float = 1.5
     time_s: float = 60.0
 
+    def fading(self, dt_s: float) -> tuple[float, float]:
+        """(factor of the bias, variance gained) of a step of dt_s."""
+        decay = math.exp(-dt_s / self.time_s)
+        return decay, self.sigma_m * self.sigma_m * (1.0 - decay * decay)
+
+    def move(self, x: Vector, dt_s: float) -> tuple[float, float]:
+        """Let the mean fade by dt_s, in place; returns `fading`."""
+        decay, gained = self.fading(dt_s)
+        x[BX] *= decay
+        x[BY] *= decay
+        return decay, gained
+
     def predict(self, x: Vector, P: Vector, n: int, dt_s: float) -> None:
         """Let the bias fade by dt_s, in place."""
-        decay = math.exp(-dt_s / self.time_s)
-        gained = self.sigma_m * self.sigma_m * (1.0 - decay * decay)
+        decay, gained = self.move(x, dt_s)
         for b in (BX, BY):
-            x[b] *= decay
             scale_state(P, n, b, decay)
             P[b * n + b] += gained
 

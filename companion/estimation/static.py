@@ -31,5 +31,9 @@ class Static:
             P[position * SHARED + position] += self.drift_psd * dt_s
         self.bias.predict(x, P, SHARED, dt_s)
 
+    def move(self, x: Vector, dt_s: float) -> None:
+        x[VX] = x[VY] = 0.0
+        self.bias.move(x, dt_s)
+
     def motion(self, x: Vector) -> Motion:
         return Motion((0.0, 0.0), 0.0)

@@ -10,9 +10,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from companion.estimation.constant_velocity import add_velocity_noise
-from companion.estimation.kalman import Vector, transform_covariance
-from companion.estimation.motion import DEFAULT_BIAS, SHARED, VX, VY, BeaconBias, Motion, X, Y
+from companion.estimation.constant_velocity import velocity_noise, velocity_noise_at
+from companion.estimation.kalman import Step, Vector, predict_covariance
+from companion.estimation.motion import DEFAULT_BIAS, FADING, SHARED, VX, VY, BeaconBias, Motion, X, Y
 from companion.estimation.turn import ARC_ENTRIES, arc, arc_acceleration
 
 TURN, CHANGE, ALONG, YAW = range(SHARED, SHARED + 4)
@@ -27,6 +27,8 @@ ENTRIES = (
 )  # fmt: skip
 ROWS = tuple(row for row, _ in ENTRIES)
 COLUMNS = tuple(column for _, column in ENTRIES)
+NOISY = ((CHANGE, CHANGE), (TURN, CHANGE), (CHANGE, TURN), (TURN, TURN), (ALONG, ALONG))
+STEP = Step(SIZE, ROWS, COLUMNS, (*(i * SIZE + j for i, j in NOISY), *velocity_noise_at(SIZE)), FADING)
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +57,18 @@ class WeavingTurn:
             dt_s -= MAX_STEP_S
         self._step(x, P, dt_s)
 
+    def move(self, x: Vector, dt_s: float) -> None:
+        while dt_s > MAX_STEP_S:
+            self._moved(x, MAX_STEP_S)
+            dt_s -= MAX_STEP_S
+        self._moved(x, dt_s)
+
     def _step(self, x: Vector, P: Vector, dt_s: float) -> None:
+        values = self._moved(x, dt_s)
+        predict_covariance(P, STEP, values, self._noise(dt_s), *self.bias.fading(dt_s))
+
+    def _moved(self, x: Vector, dt_s: float) -> tuple[float, ...]:
+        """The mean a step on; returns the entries of F - I."""
         fade = math.exp(-dt_s / self.along_time_s)
         turn, change = x[TURN], x[CHANGE]
         mean_turn = turn + 0.5 * change * dt_s
@@ -66,19 +79,15 @@ class WeavingTurn:
         x[TURN] = turn + change * dt_s
         x[CHANGE] = change + swing * turn + damping * change
         x[ALONG] *= fade
-        values = (*values, to_vx, to_vy, dt_s, swing, damping, fade - 1.0, dt_s)
-        transform_covariance(P, SIZE, ROWS, COLUMNS, values)
-        self._add_noise(P, dt_s, fade)
-        self.bias.predict(x, P, SIZE, dt_s)
+        self.bias.move(x, dt_s)
+        return (*values, to_vx, to_vy, dt_s, swing, damping, fade - 1.0, dt_s)
 
-    def _add_noise(self, P: Vector, dt_s: float, fade: float) -> None:
+    def _noise(self, dt_s: float) -> tuple[float, ...]:
+        fade = math.exp(-dt_s / self.along_time_s)
         q = self.turn_psd * dt_s
-        P[CHANGE * SIZE + CHANGE] += q
-        P[TURN * SIZE + CHANGE] += 0.5 * q * dt_s
-        P[CHANGE * SIZE + TURN] += 0.5 * q * dt_s
-        P[TURN * SIZE + TURN] += q * dt_s * dt_s / 3.0
-        P[ALONG * SIZE + ALONG] += self.along_sigma_m_s2**2 * (1.0 - fade * fade)
-        add_velocity_noise(P, SIZE, self.velocity_psd, dt_s)
+        tied = 0.5 * q * dt_s
+        along = self.along_sigma_m_s2**2 * (1.0 - fade * fade)
+        return (q, tied, tied, q * dt_s * dt_s / 3.0, along, *velocity_noise(self.velocity_psd, dt_s))
 
     def motion(self, x: Vector) -> Motion:
         return Motion(arc_acceleration(x, x[TURN], x[ALONG]), x[TURN])
