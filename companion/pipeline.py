@@ -301,10 +301,10 @@ class Pipeline:
         if pad is None:
             return None
         control = self._config.control
-        ahead = self._tracker.estimate(t_ns + round(control.lead_s * 1e9)) or pad
+        ahead = self._tracker.motion(t_ns + round(control.lead_s * 1e9)) or pad
         preview = ahead
         if control.acceleration_preview_s != control.lead_s:
-            preview = self._tracker.estimate(t_ns + round(control.acceleration_preview_s * 1e9)) or pad
+            preview = self._tracker.motion(t_ns + round(control.acceleration_preview_s * 1e9)) or pad
         return _Target(
             position_m=pad.position_ned_m,
             velocity_m_s=pad.velocity_ned_m_s,

@@ -7,9 +7,11 @@ here is a bank. Frame O, NED, SI. Used by track.py.
 
 from __future__ import annotations
 
+import functools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from operator import itemgetter
 
 from companion.estimation.kalman import Vector, log_likelihood, update_scalar
 from companion.estimation.motion import SHARED, VX, VY, Motion, MotionModel, X, Y
@@ -22,8 +24,15 @@ LEAST_PROBABILITY = 1e-3
 """No model is ever given up: the pad may start to turn at any time."""
 
 LOWER = tuple((i, j) for i in range(SHARED) for j in range(i + 1))
-MIRRORED = tuple(LOWER.index((max(i, j), min(i, j))) for i in range(SHARED) for j in range(SHARED))
-"""Where the elements of a symmetric matrix stand in its lower triangle."""
+LOWER_ROW, LOWER_COLUMN = itemgetter(*(i for i, _ in LOWER)), itemgetter(*(j for _, j in LOWER))
+MIRROR = itemgetter(*(LOWER.index((max(i, j), min(i, j))) for i in range(SHARED) for j in range(SHARED)))
+"""Elements of a symmetric matrix out of its lower triangle."""
+
+
+@functools.cache
+def lower_of(n: int) -> Callable[[Vector], tuple[float, ...]]:
+    """The lower triangle of the shared states out of a covariance of n x n."""
+    return itemgetter(*(i * n + j for i, j in LOWER))
 
 
 @dataclass(slots=True)
@@ -37,6 +46,10 @@ class Member:
 
     def copied(self) -> Member:
         return Member(self.model, self.x[:], self.P[:], self.probability)
+
+    def with_own_mean(self) -> Member:
+        """A copy that shares the covariance: only its mean and its probability may be changed."""
+        return Member(self.model, self.x[:], self.P, self.probability)
 
 
 @dataclass(slots=True)
@@ -122,25 +135,43 @@ def _moments(members: Sequence[Member], shares: Sequence[float]) -> tuple[list[f
         _, x, Pm, n = parts[0]
         return x[:SHARED], [value for i in range(SHARED) for value in Pm[i * n : i * n + SHARED]]
     scale = 1.0 / sum(part[0] for part in parts)
-    mean = [sum(w * x[i] for w, x, _, _ in parts) * scale for i in range(SHARED)]
+    mean = [0.0] * SHARED
+    for w, x, _, _ in parts:
+        mean = [total + w * value for total, value in zip(mean, x, strict=False)]
+    mean = [total * scale for total in mean]
     triangle = [0.0] * len(LOWER)
     for w, x, Pm, n in parts:
         w *= scale
         d = [a - b for a, b in zip(x, mean, strict=False)]
-        triangle = [p + w * (Pm[i * n + j] + d[i] * d[j]) for p, (i, j) in zip(triangle, LOWER, strict=True)]
-    return mean, [triangle[k] for k in MIRRORED]
+        lower = zip(triangle, lower_of(n)(Pm), LOWER_ROW(d), LOWER_COLUMN(d), strict=True)
+        triangle = [p + w * (value + di * dj) for p, value, di, dj in lower]
+    return mean, list(MIRROR(triangle))
 
 
 def combined(members: Sequence[Member]) -> Mixture:
     """The bank as one estimate."""
     x, P = _moments(members, [member.probability for member in members])
+    return Mixture(x, P, mean_motion(members))
+
+
+def mean_velocity(members: Sequence[Member]) -> tuple[float, float]:
+    """Of the bank as one estimate, to the bits of `combined`."""
+    parts = [(member.probability, member.x) for member in members if member.probability > LEAST_SHARE]
+    if len(parts) == 1:
+        return parts[0][1][VX], parts[0][1][VY]
+    scale = 1.0 / sum(w for w, _ in parts)
+    return sum(w * x[VX] for w, x in parts) * scale, sum(w * x[VY] for w, x in parts) * scale
+
+
+def mean_motion(members: Sequence[Member]) -> Motion:
+    """Each model's motion by its probability."""
     north = east = turn = 0.0
     for member in members:
         motion, w = member.model.motion(member.x), member.probability
         north += w * motion.acceleration_m_s2[0]
         east += w * motion.acceleration_m_s2[1]
         turn += w * motion.turn_rate_rad_s
-    return Mixture(x, P, Motion((north, east), turn))
+    return Motion((north, east), turn)
 
 
 @dataclass(frozen=True, slots=True)

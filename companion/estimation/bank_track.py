@@ -19,6 +19,7 @@ from companion.estimation.heading import SteadyHeading
 from companion.estimation.measurement import PadMeasurement
 from companion.estimation.motion import BX, BY, SHARED, VX, VY, Motion, MotionModel, X, Y
 from companion.estimation.oscillator import MEAN, SWING, Oscillator
+from companion.estimation.outlook import BankOutlook
 from companion.estimation.vertical import LevelGround, State, Vertical
 from companion.geometry import wrap_pi
 from companion.messages import Mat3, MeasurementVerdict, ObservationSource, PadEstimate, Vec3
@@ -104,6 +105,11 @@ class BankTrack:
 
     def estimate(self, name: str) -> PadEstimate:
         return estimate_of(self, name)
+
+    def outlook(self) -> BankOutlook:
+        vertical = self.settings.vertical
+        members = [member.with_own_mean() for member in self.members]
+        return BankOutlook(self.t_ns, members, vertical, vertical.copied(self.height))
 
     def tilt_angles(self) -> tuple[float, float]:
         """Roll and pitch of the pad, rad."""

@@ -17,6 +17,7 @@ from typing import Any
 from companion.compiled import compiled, room
 from companion.estimation.gate import NS, AxisGate, Decision, judge
 from companion.estimation.measurement import CameraPose, PadMeasurement
+from companion.estimation.outlook import WholeOutlook
 from companion.estimation.vertical import LevelGround, State
 from companion.geometry import cross, norm, scale
 from companion.messages import MeasurementVerdict, PadEstimate, Vec3
@@ -168,6 +169,9 @@ class BearingTrack:
 
     def look_ahead(self, t_ns: int) -> None:
         self.advance(t_ns)
+
+    def outlook(self) -> WholeOutlook:
+        return WholeOutlook(self.copied())
 
     def advance(self, t_ns: int) -> None:
         dt_s = (t_ns - self.t_ns) / NS

@@ -12,7 +12,6 @@ from companion.estimation.kalman import Step, Vector, predict_covariance
 from companion.estimation.motion import DEFAULT_BIAS, FADING, SHARED, VX, VY, BeaconBias, Motion, X, Y
 
 
-
 def velocity_noise_at(n: int) -> tuple[int, ...]:
     """Where in an n x n covariance the numbers of `velocity_noise` go."""
     return tuple(i * n + j for p, v in ((X, VX), (Y, VY)) for i, j in ((p, p), (p, v), (v, p), (v, v)))

@@ -9,10 +9,11 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol, Self
+from typing import Protocol, Self, TypeVar
 
 from companion.estimation.gate import NS
 from companion.estimation.measurement import PadMeasurement
+from companion.estimation.outlook import Outlook, PadMotion
 from companion.messages import MeasurementVerdict, PadEstimate, Vec3
 
 COAST_STEP_NS = 100_000_000
@@ -33,12 +34,18 @@ class Track(Protocol):
     def look_ahead(self, t_ns: int) -> None:
         """Predict to `t_ns` in order to look: a bank then does without exchange between its models."""
 
+    def outlook(self) -> Outlook:
+        """A copy for looking ahead at the motion alone."""
+
     def fuse(self, m: PadMeasurement) -> MeasurementVerdict:
         """Fuse a measurement of the track's own time."""
 
     def shift_velocity(self, step_m_s: Vec3) -> None: ...
 
     def estimate(self, name: str) -> PadEstimate: ...
+
+
+Coasting = TypeVar("Coasting", Track, Outlook)
 
 
 @dataclass(slots=True)
@@ -69,6 +76,7 @@ class PadFilter:
         self._lost_ns = int(lost_after_s * NS)
         self._history: list[Fused] = []
         self._coasting: Track | None = None
+        self._coasting_outlook: Outlook | None = None
         self._answers: dict[int, PadEstimate] = {}
 
     def reset(self) -> None:
@@ -77,7 +85,7 @@ class PadFilter:
 
     def _forget_answers(self) -> None:
         """What was predicted holds until the next measurement."""
-        self._coasting = None
+        self._coasting = self._coasting_outlook = None
         self._answers.clear()
 
     def observe(self, measurement: PadMeasurement) -> MeasurementVerdict:
@@ -112,6 +120,20 @@ class PadFilter:
         estimate = track.estimate(self._name)
         self._answers[t_ns] = estimate
         return estimate
+
+    def motion(self, t_ns: int) -> PadMotion | None:
+        """Velocity and acceleration of `estimate(t_ns)`, for a fraction of its cost."""
+        track = self._kept_before(t_ns)
+        if track is None or t_ns - self._history[-1].t_ns > self._lost_ns:
+            return None
+        until_ns = self._coasts_until(t_ns)
+        if until_ns is None:
+            outlook = track.outlook()
+        else:
+            kept = self._coasting_outlook = _coasted(self._coasting_outlook or track.outlook(), until_ns, track.outlook)
+            outlook = kept.copied()
+        outlook.look_ahead(t_ns)
+        return outlook.motion()
 
     def _begin(self, m: PadMeasurement) -> MeasurementVerdict:
         track = self._start(m)
@@ -153,21 +175,33 @@ class PadFilter:
 
     def _track_before(self, t_ns: int) -> Track | None:
         """The newest track not after `t_ns`; a coasting one where that is far back."""
+        track, until_ns = self._kept_before(t_ns), self._coasts_until(t_ns)
+        if track is None or until_ns is None:
+            return track
+        self._coasting = _coasted(self._coasting or track.copied(), until_ns, track.copied)
+        return self._coasting
+
+    def _kept_before(self, t_ns: int) -> Track | None:
+        """The track after the newest measurement that is not after `t_ns`."""
         if not self._history or t_ns < self._history[0].t_ns:
             return None
         newest = self._history[-1].after
-        if t_ns < newest.t_ns:
-            index = bisect_right(self._history, t_ns, key=lambda fused: fused.t_ns) - 1
-            return self._history[index].after
-        steps = (t_ns - newest.t_ns - LOOK_AHEAD_NS) // COAST_STEP_NS
-        return newest if steps <= 0 else self._coasted(newest, newest.t_ns + steps * COAST_STEP_NS)
+        if t_ns >= newest.t_ns:
+            return newest
+        index = bisect_right(self._history, t_ns, key=lambda fused: fused.t_ns) - 1
+        return self._history[index].after
 
-    def _coasted(self, newest: Track, until_ns: int) -> Track:
-        """On the same grid whatever was asked before, so that the answer depends on the measurements alone."""
-        track = self._coasting
-        if track is None or track.t_ns > until_ns:
-            track = newest.copied()
-        while track.t_ns < until_ns:
-            track.look_ahead(track.t_ns + COAST_STEP_NS)
-        self._coasting = track
-        return track
+    def _coasts_until(self, t_ns: int) -> int | None:
+        """On the same grid whatever was asked before, so that an answer depends on the measurements alone."""
+        newest_ns = self._history[-1].after.t_ns if self._history else t_ns
+        steps = (t_ns - newest_ns - LOOK_AHEAD_NS) // COAST_STEP_NS
+        return None if steps <= 0 else newest_ns + steps * COAST_STEP_NS
+
+
+def _coasted(kept: Coasting, until_ns: int, anew: Callable[[], Coasting]) -> Coasting:
+    """`kept` advanced to `until_ns` on the grid; begun anew where it is past that already."""
+    if kept.t_ns > until_ns:
+        kept = anew()
+    while kept.t_ns < until_ns:
+        kept.look_ahead(kept.t_ns + COAST_STEP_NS)
+    return kept

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from companion.estimation.measurement import PadMeasurement
+from companion.estimation.outlook import PadMotion
 from companion.messages import MeasurementVerdict, PadEstimate, Vec3
 
 
@@ -19,6 +20,9 @@ class PadEstimator(Protocol):
 
     def estimate(self, t_ns: int) -> PadEstimate | None:
         """State and covariance at any time from the oldest kept measurement on; None when there is no pad."""
+
+    def motion(self, t_ns: int) -> PadMotion | None:
+        """Velocity and acceleration of `estimate(t_ns)` alone, to the same bits: asked ahead at every tick."""
 
     def reset(self) -> None:
         """Forget everything."""

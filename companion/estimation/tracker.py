@@ -21,6 +21,7 @@ from companion.estimation.measurement import (
     measurement_from_observation,
     measurement_from_range,
 )
+from companion.estimation.outlook import PadMotion
 from companion.estimation.protocol import PadEstimator
 from companion.estimation.vehicle_history import VehicleHistory, VehiclePose, VehicleReset
 from companion.messages import (
@@ -93,6 +94,10 @@ class PadTracker:
         if t_ns <= vehicle.t_ns + RECENT_NS:
             self._recent = estimate
         return moved(estimate, vehicle.offset_m)
+
+    def motion(self, t_ns: int) -> PadMotion | None:
+        """How the pad moves at `t_ns`, most often ahead: velocity and acceleration of `estimate(t_ns)`."""
+        return None if self.history.latest is None else self._estimator.motion(t_ns)
 
     def reset(self) -> None:
         """Forget the pad, not the vehicle."""

@@ -18,6 +18,7 @@ from typing import Any
 from companion.compiled import compiled, room
 from companion.estimation.gate import NS, AxisGate, Decision, judge
 from companion.estimation.measurement import PadMeasurement
+from companion.estimation.outlook import WholeOutlook
 from companion.estimation.turn import MIN_SPEED_M_S
 from companion.geometry import wrap_pi
 from companion.messages import MeasurementVerdict, ObservationSource, PadEstimate, Vec3
@@ -115,6 +116,9 @@ class UnicycleTrack:
 
     def look_ahead(self, t_ns: int) -> None:
         self.advance(t_ns)
+
+    def outlook(self) -> WholeOutlook:
+        return WholeOutlook(self.copied())
 
     def advance(self, t_ns: int) -> None:
         dt_s, s = (t_ns - self.t_ns) / NS, self.settings

@@ -56,6 +56,17 @@ def test_a_still_pad_is_found_and_the_covariance_is_sound(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
+def test_the_motion_alone_has_the_bits_of_the_whole_estimate_ahead_and_in_the_past(name: str) -> None:
+    estimator = fed(name)
+    for t in (2.5, 3.0, 3.3, 3.7, 5.02, 4.4, 9.0, 500.0):
+        motion, estimate = estimator.motion(ns(t)), estimator.estimate(ns(t))
+        assert (motion is None) == (estimate is None)
+        if motion is not None and estimate is not None:
+            assert motion.velocity_ned_m_s == estimate.velocity_ned_m_s
+            assert motion.acceleration_ned_m_s2 == estimate.acceleration_ned_m_s2
+
+
+@pytest.mark.parametrize("name", NAMES)
 def test_numbers_are_plain_floats(name: str) -> None:
     estimate = fed(name).estimate(ns(3.1))
     assert estimate is not None

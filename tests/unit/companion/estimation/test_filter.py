@@ -53,6 +53,17 @@ def test_a_question_does_not_change_later_answers() -> None:
     assert asked.estimate(ns(5.0)) == silent.estimate(ns(5.0))
 
 
+def test_the_motion_ahead_on_a_curve_has_the_bits_of_the_estimate() -> None:
+    measurements = sights(figure_8(20.0, 8.0, 2.0), frames(0.0, 2.0), seed=3, with_yaw=True)
+    moving, whole = fed(measurements), fed(measurements)
+    for t in np.linspace(1.9, 6.0, 83):
+        motion, estimate = moving.motion(ns(float(t))), whole.estimate(ns(float(t)))
+        assert motion is not None
+        assert estimate is not None
+        assert motion.velocity_ned_m_s == estimate.velocity_ned_m_s
+        assert motion.acceleration_ned_m_s2 == estimate.acceleration_ned_m_s2
+
+
 def rms_error(delays_s: list[float], path: Path, seed: int) -> float:
     """Error at 50 Hz against truth *now* when frame k arrives delays_s[k] after it was taken."""
     measurements = sights(path, frames(0.0, 12.0), seed=seed)
