@@ -27,6 +27,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+import cv2
 import msgspec
 
 from sitl_stub import scenario as scenarios
@@ -234,6 +235,7 @@ def main() -> None:
     parser.add_argument("--here", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.here:
+        cv2.setNumThreads(1)  # one core: OpenCV's own threads would count as processor time too
         measured(options)
         if options.profile:
             profile(options.seconds)

@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -12,7 +14,7 @@ import numpy as np
 from sitl_stub.camera.image import Floats, Image
 from sitl_stub.camera.light import Light, Patch
 from sitl_stub.camera.mount import Pose
-from sitl_stub.camera.outline import bounds, fill, image_polygon
+from sitl_stub.camera.outline import RECTANGLE, bounds, fill, image_polygon
 from sitl_stub.camera.projection import Projection
 from sitl_stub.camera.scene import Scene, Surface
 from sitl_stub.pad_layout import PadLayout
@@ -23,12 +25,41 @@ _BOARD_BACK_GREY = 120.0
 _SHADE_REMAINING = 0.5
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Side:
+    """One side of the deck's box in P: corners (4, 3), the way out from the middle, and that as a unit vector."""
+
+    face_P: Floats
+    outward_P: Floats
+    normal_P: Floats
+
+
 def deck_corners(pad: PadLayout, down_m: float) -> Floats:
-    """(4, 3) corners in P of a horizontal section of the deck's box: front left, front right, back right, back left."""
-    cx, cy = pad.deck_center_m
-    signs = np.array([[1.0, -1.0], [1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0]])
-    flat = signs * (pad.length_m / 2.0, pad.width_m / 2.0) + (cx, cy)
-    return np.column_stack([flat, np.full(4, down_m)])
+    """(4, 3) corners in P of a horizontal section of the deck's box: front left, front right, back right, back left. Shared, and
+    so not to be written to."""
+    return _corners(pad.length_m, pad.width_m, pad.deck_center_m, down_m)
+
+
+@lru_cache(maxsize=64)
+def _corners(length_m: float, width_m: float, middle_m: tuple[float, float], down_m: float) -> Floats:
+    flat = RECTANGLE * (length_m / 2.0, width_m / 2.0) + middle_m
+    corners = np.column_stack([flat, np.full(4, down_m)])
+    corners.flags.writeable = False
+    return corners
+
+
+@lru_cache(maxsize=64)
+def _sides(length_m: float, width_m: float, middle_m: tuple[float, float], height_m: float) -> tuple[Side, ...]:
+    """The four sides of the deck's box, clockwise from the front."""
+    top, bottom = (_corners(length_m, width_m, middle_m, down_m) for down_m in (0.0, height_m))
+    middle = top.mean(axis=0)
+    sides = []
+    for i in range(4):
+        j = (i + 1) % 4
+        outward = (top[i] + top[j]) / 2.0 - middle
+        face = np.array([top[i], top[j], bottom[j], bottom[i]])
+        sides.append(Side(face, outward, outward / np.linalg.norm(outward)))
+    return tuple(sides)
 
 
 def paint_deck_sides(
@@ -39,17 +70,16 @@ def paint_deck_sides(
         return
     X_CP = X_CW @ X_WP
     camera_P = -(X_CP.R.T @ X_CP.p)
-    top, bottom = deck_corners(pad, 0.0), deck_corners(pad, pad.deck_height_m)
-    middle = top.mean(axis=0)
-    for i in range(4):
-        j = (i + 1) % 4
-        outward = (top[i] + top[j]) / 2.0 - middle
-        if (camera_P - top[i]) @ outward <= 0.0:
+    for side in _sides(pad.length_m, pad.width_m, pad.deck_center_m, pad.deck_height_m):
+        if (camera_P - side.face_P[0]) @ side.outward_P <= 0.0:
             continue
-        face = np.array([top[i], top[j], bottom[j], bottom[i]]) @ X_CP.R.T + X_CP.p
-        normal_W = X_WP.R @ (outward / np.linalg.norm(outward))
+        face_C = side.face_P @ X_CP.R.T + X_CP.p
+        polygon = image_polygon(face_C, projection, canvas.shape[1], canvas.shape[0])
+        if len(polygon) < 3:
+            continue
+        normal_W = X_WP.R @ side.normal_P
         grey = _SIDE_GREY + _SUNLIT_GREY * max(0.0, float(normal_W @ np.array(light.sun_direction_ned)))
-        fill(canvas, image_polygon(face, projection, canvas.shape[1], canvas.shape[0]), grey)
+        fill(canvas, polygon, grey)
 
 
 def paint_deck_shadow(

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -93,20 +94,26 @@ class LinearPainter:
         return _normalized(texels @ self._plane_from_pixel(below), below)
 
     def _plane_from_pixel(self, X_CS: Pose) -> Floats:
-        pixel_from_plane = np.stack([X_CS.R[:, 0], X_CS.R[:, 1], X_CS.p], axis=1)
+        pixel_from_plane = X_CS.R.copy()
+        pixel_from_plane[:, 2] = X_CS.p
         return np.asarray(np.linalg.inv(pixel_from_plane) @ self.K_inverse, np.float64)
 
     def _paint_sky(self, canvas: Image, X_CW: Pose, far: Image, sky: Image) -> None:
         """Rays that point up or nearly level: `down` is linear in the pixel."""
         down = X_CW.R[:, 2] @ self.K_inverse
-        frame = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-        size = np.array([canvas.shape[1], canvas.shape[0]])
-        frame = (frame * (size + 8) + size) / 2.0
+        frame = _around_frame(canvas.shape[1], canvas.shape[0])
         sine = frame @ down[:2] + down[2]
         if sine.min() > _HAZE_SINE:
             return
         for limit, colour in ((_HAZE_SINE, far), (0.0, sky)):
             fill(canvas, clip_half_plane(frame, limit - sine), tuple(float(c) for c in np.atleast_1d(colour)))
+
+
+@lru_cache(maxsize=16)
+def _around_frame(width_px: int, height_px: int) -> Floats:
+    """(4, 2) corners of a rectangle 4 px beyond the frame."""
+    size = np.array([width_px, height_px])
+    return np.asarray((np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]) * (size + 8) + size) / 2.0)
 
 
 def linear_painter(projection: Pinhole) -> LinearPainter:

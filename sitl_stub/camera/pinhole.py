@@ -28,7 +28,9 @@ class Pinhole:
         z = np.where(points_C[:, 2] > 1e-9, points_C[:, 2], np.nan)
         x, y = self._distorted(points_C[:, 0] / z, points_C[:, 1] / z)
         k = self.intrinsics
-        return np.stack([k.fx_px * x + k.cx_px, k.fy_px * y + k.cy_px], axis=1)
+        pixels = np.empty((len(points_C), 2))
+        pixels[:, 0], pixels[:, 1] = k.fx_px * x + k.cx_px, k.fy_px * y + k.cy_px
+        return pixels
 
     def rays(self, pixels: Floats) -> Floats:
         k = self.intrinsics
