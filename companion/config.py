@@ -105,7 +105,7 @@ class Pad(_Section, frozen=True):
 
 
 class Vision(_Section, frozen=True):
-    """Finding the pad in a frame."""
+    """Finding the pad in a frame. `stereo_baseline_m` is the distance between the two cameras of detector "stereo"."""
 
     detector: str = "aruco"
     camera: str = "down"
@@ -113,6 +113,7 @@ class Vision(_Section, frozen=True):
     track: bool = True
     pixel_sigma_px: Positive = 0.3
     max_reprojection_error_px: Positive = 3.0
+    stereo_baseline_m: NonNegative = 0.0
 
 
 class Estimation(_Section, frozen=True):

@@ -12,6 +12,7 @@ from companion.vision.colour import ColourDetector
 from companion.vision.cross import CrossDetector
 from companion.vision.detector import Detection, DetectionHint, Detector
 from companion.vision.lens import CAMERA_MODELS
+from companion.vision.stereo_pair import StereoDetector
 from companion.vision.vertical import vertical_detector
 
 DETECTORS: dict[str, Callable[[config.Vision, config.Pad, CameraModel], Detector]] = {
@@ -19,6 +20,7 @@ DETECTORS: dict[str, Callable[[config.Vision, config.Pad, CameraModel], Detector
     "colour": ColourDetector,
     "cross": CrossDetector,
     "none": BlindDetector,
+    "stereo": StereoDetector,
     "vertical": vertical_detector,
 }
 """Name in `[vision] detector` to the factory (vision, pad, lens)."""
