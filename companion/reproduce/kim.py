@@ -56,6 +56,7 @@ NOTES = (
     "L1: PX4's velocity loop integrates, so steady wind costs little with or without it; the paper's inner loop does not.",
     "The filter's state is the pad in a frame that moves with the vehicle's own velocity: the paper's relative state and its "
     "velocity input, written once. The height above the ground comes from the range sensor.",
+    "Below 3 m the error of the place itself no longer shrinks with the height (table above), and so neither does the flown one.",
     "The ramp is the mission's last phase begun at 4 m. L1 off: the same law with neither its augmentation nor an integral.",
     "The rover of the paper is driven by hand; here it drives straight at 0.8 m/s with small wobbles.",
 )
