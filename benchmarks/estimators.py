@@ -80,7 +80,7 @@ def own_ekf(*, plain: bool) -> Step:
     F, W, g = room([0.0] * 4), room([0.0] * 25), room([0.0] * 5)
 
     def step() -> None:
-        predict(x, P, F, W, DT, 1e-4, 1e-3, 0.05, 0.2)
+        predict(x, P, F, W, DT, 0.0, 1e-4, 1e-3, 0.05, 0.2)
         update(x, P, g, x[0], x[1], 0.0, 1e-3, 1e-3, 1e-3)
 
     return step
