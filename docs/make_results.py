@@ -2,6 +2,7 @@
 
     companion campaign configs/campaigns/first-landing.toml [--seeds 100]        # flies what is missing
     python docs/make_results.py COMMIT configs/campaigns/first-landing.toml [more.toml ...]
+    python docs/make_results.py COMMIT --add configs/campaigns/faults.toml     # these sections alone; the rest stays
 
 COMMIT is the one that was checked out when the flights were flown. Each file's results are read from runs/campaign-<name>; what
 counts is the first so many seeds that every combination of the file has flown, and how many that is stands in the tables.
@@ -22,6 +23,7 @@ from companion.campaign.results_file import stored_rows
 from companion.campaign.statistics import CellStatistics
 
 ROOT = Path(__file__).resolve().parents[1]
+RESULTS = ROOT / "docs" / "results.md"
 BEGIN, END = "<!-- results:begin -->", "<!-- results:end -->"
 HEAD = (
     "| flight | n | landed | 95 % interval | error mean / p50 / p95 m | across p95 m/s | down p95 m/s | tilt p95 deg "
@@ -66,6 +68,7 @@ HEADLINES = (
         "line, 4.2 m/s, markers gone below 1.6 m",
         "<= 0.15 m",
     ),
+    Headline("pad_large", "line_4_2", "deck of 1.5 x 1.5 m, line, 4.2 m/s", ""),
     Headline("pad_small", "line_4_2", "deck of 1.2 x 0.7 m, line, 4.2 m/s", ""),
 )
 
@@ -104,14 +107,25 @@ def main(commit: str, files: list[str]) -> None:
         f"{made}. Intervals are Wilson's, 95 %. Errors are over all flights that touched the pad, landed or not; "
         '"in the air" counts disarms in the air, "down in no-land zone" touches in a zone in which Companion must not land.\n\n'
     )
-    sections = [
-        f"## {one.campaign.name}\n\n{one.command}.\n\n{HEAD}{''.join(map(_row, one.cells))}" for one in campaigns
-    ]
-    (ROOT / "docs" / "results.md").write_text(page + "\n".join(sections), encoding="utf-8")
+    sections = [_section(one, f"{one.command}.") for one in campaigns]
+    RESULTS.write_text(page + "\n".join(sections), encoding="utf-8")
     _into_readme(
         _short(campaigns)
         + f"\nEvery row is a campaign that anyone can fly again: [results](docs/results.md); {made}.\n"
     )
+
+
+def add(commit: str, files: list[str]) -> None:
+    """Only the sections of these campaigns, in the place of their old ones or at the end, with their own commit."""
+    first, *old = RESULTS.read_text(encoding="utf-8").split("\n## ")
+    sections = {text.split("\n", 1)[0]: f"## {text}".rstrip("\n") + "\n" for text in old}
+    for one in map(flown, map(Path, files)):
+        sections[one.campaign.name] = _section(one, f"{one.command}; {_machine()}; commit {commit}.")
+    RESULTS.write_text("\n".join([first.rstrip("\n") + "\n", *sections.values()]), encoding="utf-8")
+
+
+def _section(one: Flown, how: str) -> str:
+    return f"## {one.campaign.name}\n\n{how}\n\n{HEAD}{''.join(map(_row, one.cells))}"
 
 
 def _short(campaigns: list[Flown]) -> str:
@@ -160,4 +174,7 @@ def _machine() -> str:
 if __name__ == "__main__":
     if len(sys.argv) < 3:
         raise SystemExit(__doc__)
-    main(sys.argv[1], sys.argv[2:])
+    if sys.argv[2] == "--add":
+        add(sys.argv[1], sys.argv[3:])
+    else:
+        main(sys.argv[1], sys.argv[2:])
