@@ -11,7 +11,7 @@ import math
 from dataclasses import dataclass
 from typing import Protocol
 
-from companion.estimation.kalman import Vector, transform_covariance, update_scalar
+from companion.estimation.kalman import Vector, update_scalar
 
 State = tuple[Vector, Vector]
 """Mean and covariance."""
@@ -53,6 +53,19 @@ class Vertical(Protocol):
     def view(self, state: State) -> VerticalView: ...
 
 
+def transformed(P: Vector, g: float, f: float, d: float) -> Vector:
+    """F P F' with F = I + g at (Z, VZ), f at (VZ, VZ), d at (BZ, BZ): `transform_covariance` written out, to the same bits."""
+    zz, zv, zb, vz, vv, vb, bz, bv, bb = P
+    zz, zv, zb = zz + g * vz, zv + g * vv, zb + g * vb
+    vz, vv, vb = vz + f * vz, vv + f * vv, vb + f * vb
+    bz, bv, bb = bz + d * bz, bv + d * bv, bb + d * bb
+    return [
+        zz + g * zv, vz + g * vv, bz + g * bv,
+        zv + f * zv, vv + f * vv, bv + f * bv,
+        zb + d * zb, vb + d * vb, bb + d * bb,
+    ]  # fmt: skip
+
+
 @dataclass(frozen=True, slots=True)
 class LevelGround:
     """State (z, vz, beacon bias)."""
@@ -78,7 +91,7 @@ class LevelGround:
         x[Z] += gain * x[VZ]
         x[VZ] *= fade
         x[BZ] *= decay
-        transform_covariance(P, 3, (Z, VZ, BZ), (VZ, VZ, BZ), (gain, fade - 1.0, decay - 1.0))
+        P[:] = transformed(P, gain, fade - 1.0, decay - 1.0)
         vv = self.rate_sigma_m_s**2 * (1.0 - fade * fade)
         P[0] += vv * dt_s * dt_s / 3.0
         P[1] += 0.5 * vv * dt_s

@@ -35,6 +35,12 @@ OVERTURNED_RAD, OVERTURNED_S = math.radians(60.0), 0.3
 
 NEW_FLIGHT_PHASES = frozenset({Phase.TAKEOFF, Phase.ENGAGE})
 
+ANSWERS = {
+    phase: tuple((event, GUARDS[event], answers[event]) for event in Event if event in answers)
+    for phase, answers in TABLE.items()
+}
+"""The table with the guards beside it, in the order of the events: the first that applies is taken."""
+
 
 @dataclass(frozen=True, slots=True)
 class Step:
@@ -134,13 +140,11 @@ class Machine:
         )
 
     def _transition(self, facts: Facts) -> tuple[Event, Phase, str] | None:
-        answers = TABLE[self.phase]
         context = self._context(facts.t_ns)
-        for event in Event:
-            if event in answers:
-                reason = GUARDS[event](facts, context)
-                if reason is not None:
-                    return event, answers[event], reason
+        for event, guard, target in ANSWERS[self.phase]:
+            reason = guard(facts, context)
+            if reason is not None:
+                return event, target, reason
         return None
 
     def _enter(self, phase: Phase, facts: Facts, reason: str, event: Event) -> None:

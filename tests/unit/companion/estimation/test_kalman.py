@@ -6,6 +6,7 @@ from unittest import mock
 import numpy as np
 import pytest
 
+from companion.estimation import vertical
 from companion.estimation.kalman import forget, log_likelihood, scale_state, transform_covariance, update_scalar
 
 
@@ -68,3 +69,10 @@ def test_compiled_and_plain_transforms_agree_to_the_last_bit() -> None:
         with mock.patch("companion.estimation.kalman.COMPILED", False):
             transform_covariance(plain, n, weaving_turn.ROWS, weaving_turn.COLUMNS, values)
         assert fast == plain
+
+
+def test_the_height_of_level_ground_is_predicted_with_the_bits_of_the_general_product() -> None:
+    P = np.random.default_rng(3).normal(size=9).tolist()
+    general = P[:]
+    transform_covariance(general, 3, (0, 1, 2), (1, 1, 2), (0.02, -0.1, -0.3))
+    assert vertical.transformed(P, 0.02, -0.1, -0.3) == general
