@@ -40,6 +40,8 @@ _MAX_FITS = 5
 """Fits are repeated at the fine reach until the corners move less than this, but not for ever."""
 _ALIGNED = 0.1
 """What is left of a prediction's error after an alignment, as a fraction of the marker's side: turn, scale, whole pixels."""
+_CUT = 0.25
+"""A corner may lie outside the picture by this fraction of the marker's side: its edges are still met over most of their length."""
 _FOUND_SIGMA_PX = 1.5
 """How far the corners of a marker that was found without prediction may be off."""
 
@@ -117,12 +119,13 @@ class ArucoDetector:
         }
 
     def _expected(self, X_CP: Transform) -> tuple[Ids, Array, Array]:
-        """Markers that a pose makes large enough to read, where (M, 4, 2), and how far beyond the image's border (M,)."""
+        """Markers that a pose makes large enough to read, where (M, 4, 2), and by how much they are cut more than may be (M,)."""
         quads = region.projected(self._points_P, X_CP, self._camera).reshape(-1, 4, 2)
         low, high = quads.min(axis=1), quads.max(axis=1)
         beyond_px = np.maximum(1.0 - low, high - self._last_px).max(axis=1)
         seen = (high - low).min(axis=1) >= _MIN_SIDE_PX  # false where the lens cannot see a corner (NaN)
-        return self._ids[seen], quads[seen], beyond_px[seen]
+        quads = quads[seen]
+        return self._ids[seen], quads, beyond_px[seen] - _CUT * _side_px(quads)
 
     def _refined(self, grey: Image, quads: Array, reach_px: float) -> tuple[Array, npt.NDArray[np.bool_]]:
         """Corners by their edges: from as far as the prediction may be off, less than a cell, down to the edge itself."""

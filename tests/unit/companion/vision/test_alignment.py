@@ -51,6 +51,14 @@ def test_a_prediction_partly_outside_the_image_is_brought_inside() -> None:
     np.testing.assert_allclose(shift, (60.0, 0.0), atol=7.0)
 
 
+@pytest.mark.parametrize("side_px", [150.0, 400.0])
+def test_a_marker_that_the_border_cuts_is_brought_to_its_place(side_px: float) -> None:
+    truth = square((0.38 * side_px, 240.0), side_px, 0.0)
+    shift = alignment.shift_px(scene(truth), truth + (0.2 * side_px, -0.1 * side_px), PICTURE, 0.3 * side_px)
+    assert shift is not None
+    np.testing.assert_allclose(shift, (-0.2 * side_px, 0.1 * side_px), atol=0.05 * side_px)
+
+
 def test_where_there_is_no_marker_there_is_no_shift() -> None:
     ground = scene(square((100.0, 100.0), 60.0, 0.0))
     assert alignment.shift_px(ground, square((500.0, 300.0), 60.0, 0.0), PICTURE, 30.0) is None

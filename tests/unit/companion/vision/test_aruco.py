@@ -73,6 +73,19 @@ def test_a_wrong_prediction_costs_time_but_not_the_pad() -> None:
     assert error_m(observed(detector().detect(seen_from(R, p, 6), wrong)), p) < 0.02
 
 
+@pytest.mark.parametrize("yaw_deg", [40.0, -50.0, 130.0])
+def test_a_marker_whose_corners_lie_outside_the_picture_is_tracked_by_its_edges(yaw_deg: float) -> None:
+    pad = config.Pad(markers=(config.Marker(id=45, size_m=1.2),))
+    texture = scenes.pad_texture(1.5, cv2.aruco.DICT_4X4_50, ((45, 1.2, (0.0, 0.0)),))
+    R, p = scenes.looking_down(np.radians(yaw_deg)), np.array([0.02, -0.01, 1.3])
+    frame = seen_from(R, p, 7, texture)
+    observation = observed(detector(pad=pad).detect(frame, hint(R, p + [0.01, 0.02, -0.01])))
+    rows = np.array(observation.corners_px)[:, 1]
+    assert rows.min() < 0.0
+    assert rows.max() > 480.0
+    assert error_m(observation, p) < 0.003
+
+
 def test_descending_from_the_outer_to_the_inner_marker_makes_no_step() -> None:
     """From 3 m to 0.4 m, tracked from frame to frame: never more than 1 cm or 1 degree off, whichever markers are seen."""
     eye, R = detector(), scenes.looking_down(0.3, 0.03, -0.02)
