@@ -48,9 +48,10 @@ def _small_copy(grey: Image, low: Array, high: Array, scale: float) -> tuple[Ima
     left, top = np.clip(low, 0.0, (width - 1, height - 1)).astype(int)
     right, bottom = np.clip(high, (left + 1, top + 1), (width, height)).astype(int)
     columns, rows = max(1, round((right - left) * scale)), max(1, round((bottom - top) * scale))
-    part = grey[top:bottom, left:right]
+    part: Image = grey[top:bottom, left:right]
     if max(part.shape) > _PICKED * max(columns, rows):  # most pixels of a large part tell nothing more
-        part = cv2.resize(part, (_PICKED * columns, _PICKED * rows), interpolation=cv2.INTER_NEAREST)
+        picked = (_PICKED * columns, _PICKED * rows)
+        part = np.asarray(cv2.resize(part, picked, interpolation=cv2.INTER_NEAREST), dtype=np.uint8)
     small = cv2.resize(part, (columns, rows), interpolation=cv2.INTER_AREA)
     before = np.rint(np.clip((left, top) - low, 0.0, beyond) * scale).astype(int)
     after = np.rint(np.clip(high - (right, bottom), 0.0, beyond) * scale).astype(int)
