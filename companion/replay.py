@@ -63,6 +63,7 @@ PAD_SIGMA_M = 0.3
 BLIND_PERIOD_NS = 100_000_000
 LONGEST_TICKED_NS = 10_000_000_000
 DETECTIONS = (PadObservation, PadBearing, PadNotSeen)
+_COUNTED: dict[type, str] = {kind: topic_of(kind)[1:] for kind in (*DETECTIONS, Tick)}
 
 
 class ReplayError(ValueError):
@@ -439,7 +440,7 @@ class Figures:
             case VehicleState():
                 self._counts["vehicle_states"] += 1
             case PadObservation() | PadBearing() | PadNotSeen() | Tick():
-                self._counts[topic_of(type(message))[1:]] += 1
+                self._counts[_COUNTED[type(message)]] += 1
             case _:
                 pass
 

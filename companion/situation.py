@@ -23,7 +23,7 @@ from companion.messages import (
     Vec3,
     VehicleStatus,
 )
-from companion.mission.contact import Contact, contact, time_to_contact_s
+from companion.mission.contact import Contact, Deck, contact, time_to_contact_s
 from companion.mission.facts import Facts
 from companion.mission.preflight import MAX_STATE_AGE_S
 from companion.mission.touchdown import NO_EVIDENCE, TouchdownDetector, TouchdownEvidence, TouchdownSigns
@@ -48,13 +48,13 @@ MAX_CONTACT_S = 3.0
 
 
 class Prediction(Protocol):
-    """The pad at a time, now or ahead."""
+    """The pad at a time ahead."""
 
-    def estimate(self, t_ns: int) -> PadEstimate | None: ...
+    def motion(self, t_ns: int) -> Deck | None: ...
 
 
 CONTACT_FORESEEN_BELOW_M = 2.0
-"""Higher up the moment of contact is too far away to matter, and looking ahead is the dearest question to the estimator."""
+"""Higher up the moment of contact is too far away to matter."""
 
 
 class Situation:
@@ -159,13 +159,13 @@ class Situation:
         fenced = start is None or math.dist(point_m, start[:2]) < self._config.safety.geofence_radius_m
         return fenced and inside(self.zones().no_fly, point_m) is None
 
-    def _deck_at_contact(self, t_ns: int, position: Vec3 | None, pad: PadEstimate) -> PadEstimate:
+    def _deck_at_contact(self, t_ns: int, position: Vec3 | None, pad: PadEstimate) -> Deck:
         if position is None or -position[2] > CONTACT_FORESEEN_BELOW_M:
             return pad
         in_s = min(time_to_contact_s(-position[2], self._config.mission), MAX_CONTACT_S)
-        return self._prediction.estimate(t_ns + round(in_s * 1e9)) or pad
+        return self._prediction.motion(t_ns + round(in_s * 1e9)) or pad
 
-    def _contact(self, position: Vec3 | None, velocity: Vec3 | None, then: PadEstimate | None) -> Contact | None:
+    def _contact(self, position: Vec3 | None, velocity: Vec3 | None, then: Deck | None) -> Contact | None:
         if position is None or velocity is None or then is None:
             return None
         in_s = min(time_to_contact_s(-position[2], self._config.mission), MAX_CONTACT_S)

@@ -154,13 +154,17 @@ def combined(members: Sequence[Member]) -> Mixture:
     return Mixture(x, P, mean_motion(members))
 
 
-def mean_velocity(members: Sequence[Member]) -> tuple[float, float]:
-    """Of the bank as one estimate, to the bits of `combined`."""
+def mean_position_and_velocity(members: Sequence[Member]) -> tuple[float, float, float, float]:
+    """North, east and their rates of the bank as one estimate, to the bits of `combined`."""
     parts = [(member.probability, member.x) for member in members if member.probability > LEAST_SHARE]
     if len(parts) == 1:
-        return parts[0][1][VX], parts[0][1][VY]
+        x = parts[0][1]
+        return x[X], x[Y], x[VX], x[VY]
     scale = 1.0 / sum(w for w, _ in parts)
-    return sum(w * x[VX] for w, x in parts) * scale, sum(w * x[VY] for w, x in parts) * scale
+    north = east = vn = ve = 0.0
+    for w, x in parts:
+        north, east, vn, ve = north + w * x[X], east + w * x[Y], vn + w * x[VX], ve + w * x[VY]
+    return north * scale, east * scale, vn * scale, ve * scale
 
 
 def mean_motion(members: Sequence[Member]) -> Motion:

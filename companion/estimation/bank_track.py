@@ -107,9 +107,8 @@ class BankTrack:
         return estimate_of(self, name)
 
     def outlook(self) -> BankOutlook:
-        vertical = self.settings.vertical
-        members = [member.with_own_mean() for member in self.members]
-        return BankOutlook(self.t_ns, members, vertical, vertical.copied(self.height))
+        s, level = self.settings, (self.roll_rad, self.pitch_rad)
+        return BankOutlook(self.t_ns, self.members, s.vertical, self.height, s.tilt, self.tilt, level).copied()
 
     def tilt_angles(self) -> tuple[float, float]:
         """Roll and pitch of the pad, rad."""

@@ -122,7 +122,7 @@ class PadFilter:
         return estimate
 
     def motion(self, t_ns: int) -> PadMotion | None:
-        """Velocity and acceleration of `estimate(t_ns)`, for a fraction of its cost."""
+        """The means of `estimate(t_ns)`, for a fraction of its cost."""
         track = self._kept_before(t_ns)
         if track is None or t_ns - self._history[-1].t_ns > self._lost_ns:
             return None

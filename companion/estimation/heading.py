@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from companion.estimation.kalman import Vector, transform_covariance, update_scalar
+from companion.estimation.kalman import Vector, update_scalar
 from companion.geometry import wrap_pi
 
 YAW, RATE = range(2)
@@ -28,12 +28,20 @@ class SteadyHeading:
         gain = self.rate_time_s * (1.0 - fade)
         x[YAW] += gain * x[RATE]
         x[RATE] *= fade
-        transform_covariance(P, 2, (0, 1), (1, 1), (gain, fade - 1.0))
+        P[:] = _transformed(P, gain, fade - 1.0)
         vv = self.rate_sigma_rad_s**2 * (1.0 - fade * fade)
         P[0] += vv * dt_s * dt_s / 3.0
         P[1] += 0.5 * vv * dt_s
         P[2] += 0.5 * vv * dt_s
         P[3] += vv
+
+
+def _transformed(P: Vector, g: float, f: float) -> Vector:
+    """F P F' with F = I + g at (YAW, RATE), f at (RATE, RATE): `transform_covariance` written out, to the same bits."""
+    yy, yr, ry, rr = P
+    yy, yr = yy + g * ry, yr + g * rr
+    ry, rr = ry + f * ry, rr + f * rr
+    return [yy + g * yr, ry + g * rr, yr + f * yr, rr + f * rr]
 
 
 def update_yaw(x: Vector, P: Vector, yaw_rad: float, R: float) -> None:

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from companion.estimation.kalman import Vector, transform_covariance, update_scalar
 
 MEAN, SWING, RATE, W = range(4)
+ROWS, COLUMNS = (SWING, SWING, RATE, RATE, RATE, SWING), (SWING, RATE, SWING, RATE, W, W)
 MAX_STEP_S = 0.1
 W_LIMITS = (0.3, 4.0)
 """Periods from 21 s down to 1.6 s."""
@@ -43,8 +44,20 @@ class Oscillator:
             dt_s -= MAX_STEP_S
         self._step(x, P, dt_s)
 
+    def move(self, x: Vector, dt_s: float) -> None:
+        """The mean alone, to the same bits."""
+        while dt_s > MAX_STEP_S:
+            self._moved(x, MAX_STEP_S)
+            dt_s -= MAX_STEP_S
+        self._moved(x, dt_s)
+
     def _step(self, x: Vector, P: Vector, dt: float) -> None:
-        """Exact rotation of the damped oscillator; the frequency's influence to first order."""
+        values = self._moved(x, dt)
+        transform_covariance(P, 4, ROWS, COLUMNS, values)
+        self._add_noise(P, x[W], dt)
+
+    def _moved(self, x: Vector, dt: float) -> tuple[float, ...]:
+        """Exact rotation of the damped oscillator, the frequency's influence to first order; returns the entries of F - I."""
         h, r, w = x[SWING], x[RATE], x[W]
         decay = self.damping * w
         wd = w * math.sqrt(1.0 - self.damping**2)
@@ -53,9 +66,7 @@ class Oscillator:
         ar, br = -e * w * w / wd * s, e * (c - decay / wd * s)
         x[SWING], x[RATE] = a * h + b * r, ar * h + br * r
         by_w = -2.0 * (w * h + self.damping * r) * dt
-        rows, columns = (SWING, SWING, RATE, RATE, RATE, SWING), (SWING, RATE, SWING, RATE, W, W)
-        transform_covariance(P, 4, rows, columns, (a - 1.0, b, ar, br - 1.0, by_w, 0.5 * by_w * dt))
-        self._add_noise(P, w, dt)
+        return (a - 1.0, b, ar, br - 1.0, by_w, 0.5 * by_w * dt)
 
     def _add_noise(self, P: Vector, w: float, dt: float) -> None:
         """White acceleration of the density that keeps a swing of standard deviation sigma alive: 4 d W^3 sigma^2."""

@@ -1,4 +1,4 @@
-"""How the pad will move a moment from now, without how sure that is: what the control law asks for at every tick.
+"""Where the pad will be and how it will move, without how sure that is: what control and mission ask for at every tick.
 
 A whole estimate ahead costs a covariance for each motion model, which nobody reads there. An outlook moves means alone, to the
 same bits as the estimate of that time would hold. Frame O, NED, SI. Called by filter.py.
@@ -11,20 +11,31 @@ from typing import TYPE_CHECKING, Protocol, Self
 
 from companion.estimation import bank
 from companion.estimation.gate import NS
+from companion.estimation.oscillator import MEAN, SWING
+from companion.geometry import add
 from companion.messages import Vec3
 
 if TYPE_CHECKING:
     from companion.estimation.bank import Member
     from companion.estimation.filter import Track
+    from companion.estimation.oscillator import Oscillator
     from companion.estimation.vertical import State, Vertical
 
 
 @dataclass(frozen=True, slots=True)
 class PadMotion:
-    """Velocity (m/s) and acceleration (m/s^2) of the pad, NED."""
+    """Position (m), velocity (m/s) and acceleration (m/s^2) of the pad, NED; roll and pitch (rad)."""
 
+    position_ned_m: Vec3
     velocity_ned_m_s: Vec3
     acceleration_ned_m_s2: Vec3
+    roll_rad: float
+    pitch_rad: float
+
+    def moved(self, offset_m: Vec3) -> PadMotion:
+        """The same with the position moved by `offset_m` (O to W)."""
+        position = add(self.position_ned_m, offset_m)
+        return PadMotion(position, self.velocity_ned_m_s, self.acceleration_ned_m_s2, self.roll_rad, self.pitch_rad)
 
 
 class Outlook(Protocol):
@@ -42,30 +53,51 @@ class Outlook(Protocol):
 
 @dataclass(slots=True)
 class BankOutlook:
-    """Of a bank of models: `members` share the covariances of the track's and leave them as they are."""
+    """Of a bank of models. Means are its own, covariances the track's, left as they are; `level` holds roll and pitch (rad)
+    where nothing says how they swing."""
 
     t_ns: int
     members: list[Member]
     vertical: Vertical
     height: State
+    swing: Oscillator | None
+    tilt: tuple[State, State] | None
+    level: tuple[float, float]
 
     def copied(self) -> BankOutlook:
         members = [member.with_own_mean() for member in self.members]
-        return BankOutlook(self.t_ns, members, self.vertical, self.vertical.copied(self.height))
+        tilt = None if self.tilt is None else (_with_own_mean(self.tilt[0]), _with_own_mean(self.tilt[1]))
+        return BankOutlook(self.t_ns, members, self.vertical, _with_own_mean(self.height), self.swing, tilt, self.level)
 
     def look_ahead(self, t_ns: int) -> None:
         dt_s = (t_ns - self.t_ns) / NS
-        if dt_s > 0.0:
-            self.members = bank.likely(self.members)
-            for member in self.members:
-                member.model.move(member.x, dt_s)
-            self.vertical.predict(self.height, dt_s)
-            self.t_ns = t_ns
+        if dt_s <= 0.0:
+            return
+        self.members = bank.likely(self.members)
+        for member in self.members:
+            member.model.move(member.x, dt_s)
+        self.vertical.move(self.height[0], dt_s)
+        if self.swing is not None and self.tilt is not None:
+            for x, _ in self.tilt:
+                self.swing.move(x, dt_s)
+        self.t_ns = t_ns
 
     def motion(self) -> PadMotion:
-        velocity, motion = bank.mean_velocity(self.members), bank.mean_motion(self.members)
+        north, east, vn, ve = bank.mean_position_and_velocity(self.members)
+        acceleration = bank.mean_motion(self.members).acceleration_m_s2
         deck = self.vertical.view(self.height)
-        return PadMotion((*velocity, deck.rate_m_s), (*motion.acceleration_m_s2, deck.acceleration_m_s2))
+        roll, pitch = self.level if self.tilt is None else (x[MEAN] + x[SWING] for x, _ in self.tilt)
+        return PadMotion(
+            position_ned_m=(north, east, deck.z_m),
+            velocity_ned_m_s=(vn, ve, deck.rate_m_s),
+            acceleration_ned_m_s2=(*acceleration, deck.acceleration_m_s2),
+            roll_rad=roll,
+            pitch_rad=pitch,
+        )
+
+
+def _with_own_mean(state: State) -> State:
+    return state[0][:], state[1]
 
 
 @dataclass(slots=True)
@@ -86,4 +118,6 @@ class WholeOutlook:
 
     def motion(self) -> PadMotion:
         then = self.track.estimate("outlook")
-        return PadMotion(then.velocity_ned_m_s, then.acceleration_ned_m_s2)
+        return PadMotion(
+            then.position_ned_m, then.velocity_ned_m_s, then.acceleration_ned_m_s2, then.roll_rad, then.pitch_rad
+        )

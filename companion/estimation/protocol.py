@@ -22,7 +22,7 @@ class PadEstimator(Protocol):
         """State and covariance at any time from the oldest kept measurement on; None when there is no pad."""
 
     def motion(self, t_ns: int) -> PadMotion | None:
-        """Velocity and acceleration of `estimate(t_ns)` alone, to the same bits: asked ahead at every tick."""
+        """The means of `estimate(t_ns)` alone, to the same bits: asked ahead at every tick."""
 
     def reset(self) -> None:
         """Forget everything."""

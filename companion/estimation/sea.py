@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from companion.estimation.kalman import Vector
 from companion.estimation.oscillator import MEAN, RATE, SWING, Oscillator
 from companion.estimation.vertical import State, VerticalView
 
@@ -29,6 +30,9 @@ class Sea:
 
     def predict(self, state: State, dt_s: float) -> None:
         self.heave.predict(*state, dt_s)
+
+    def move(self, x: Vector, dt_s: float) -> None:
+        self.heave.move(x, dt_s)
 
     def innovation(self, state: State, z_m: float, R: float, *, biased: bool) -> tuple[float, float]:
         x, P = state

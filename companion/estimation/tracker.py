@@ -96,8 +96,9 @@ class PadTracker:
         return moved(estimate, vehicle.offset_m)
 
     def motion(self, t_ns: int) -> PadMotion | None:
-        """How the pad moves at `t_ns`, most often ahead: velocity and acceleration of `estimate(t_ns)`."""
-        return None if self.history.latest is None else self._estimator.motion(t_ns)
+        """Where the pad is in W and how it moves at `t_ns`, most often ahead: the means of `estimate(t_ns)`."""
+        vehicle, motion = self.history.latest, self._estimator.motion(t_ns)
+        return None if vehicle is None or motion is None else motion.moved(vehicle.offset_m)
 
     def reset(self) -> None:
         """Forget the pad, not the vehicle."""

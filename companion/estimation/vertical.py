@@ -40,6 +40,9 @@ class Vertical(Protocol):
 
     def predict(self, state: State, dt_s: float) -> None: ...
 
+    def move(self, x: Vector, dt_s: float) -> None:
+        """Advance the mean alone, to the same bits."""
+
     def innovation(self, state: State, z_m: float, R: float, *, biased: bool) -> tuple[float, float]:
         """Residual and its variance."""
 
@@ -86,11 +89,7 @@ class LevelGround:
 
     def predict(self, state: State, dt_s: float) -> None:
         x, P = state
-        fade, decay = math.exp(-dt_s / self.rate_time_s), math.exp(-dt_s / self.bias_time_s)
-        gain = self.rate_time_s * (1.0 - fade)
-        x[Z] += gain * x[VZ]
-        x[VZ] *= fade
-        x[BZ] *= decay
+        gain, fade, decay = self._moved(x, dt_s)
         P[:] = transformed(P, gain, fade - 1.0, decay - 1.0)
         vv = self.rate_sigma_m_s**2 * (1.0 - fade * fade)
         P[0] += vv * dt_s * dt_s / 3.0
@@ -98,6 +97,18 @@ class LevelGround:
         P[3] += 0.5 * vv * dt_s
         P[4] += vv
         P[8] += self.bias_sigma_m**2 * (1.0 - decay * decay)
+
+    def move(self, x: Vector, dt_s: float) -> None:
+        self._moved(x, dt_s)
+
+    def _moved(self, x: Vector, dt_s: float) -> tuple[float, float, float]:
+        """The mean a step on; returns what the rate adds to the height, and the factors of rate and bias."""
+        fade, decay = math.exp(-dt_s / self.rate_time_s), math.exp(-dt_s / self.bias_time_s)
+        gain = self.rate_time_s * (1.0 - fade)
+        x[Z] += gain * x[VZ]
+        x[VZ] *= fade
+        x[BZ] *= decay
+        return gain, fade, decay
 
     def innovation(self, state: State, z_m: float, R: float, *, biased: bool) -> tuple[float, float]:
         x, P = state

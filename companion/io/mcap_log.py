@@ -22,7 +22,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import cv2
 import msgspec
@@ -274,8 +274,7 @@ def _jpeg(image: Image) -> bytes:
 # -------------------------------------------------------------------------------------------------------------- reader
 
 
-@dataclass(frozen=True, slots=True)
-class Record:
+class Record(NamedTuple):
     """One message of an MCAP file. Times are the log's, ns."""
 
     topic: str
@@ -430,18 +429,18 @@ class McapLog:
 
     def entries(self) -> Iterator[LoggedEntry]:
         """The journal, decoded message by message. What cannot be decoded is counted in `damage.messages`."""
-        for record in self.records():
-            decoder = _DECODERS.get(record.topic)
+        shift_ns = self.log_minus_companion_ns
+        for topic, log_ns, _, _, data in self.records():
+            decoder = _DECODERS.get(topic)
             if decoder is None:
                 continue
             try:
-                place = _PLACE.decode(record.data)
-                message = decoder.decode(record.data)
+                place = _PLACE.decode(data)
+                message = decoder.decode(data)
             except msgspec.DecodeError:
                 self.damage.messages += 1
                 continue
-            arrived_ns = record.log_ns - self.log_minus_companion_ns
-            yield LoggedEntry(place.sequence, arrived_ns, place.cause, message, record.data)
+            yield LoggedEntry(place.sequence, log_ns - shift_ns, place.cause, message, data)
 
     def truths(self) -> Iterator[tuple[int, messages.Vec3, messages.Vec3]]:
         """(t_ns, vehicle, pad) of a simulation, NED, m; on the companion's clock like the messages."""
@@ -465,8 +464,7 @@ class McapLog:
                     self.damage.messages += 1
 
 
-@dataclass(frozen=True, slots=True)
-class LoggedEntry:
+class LoggedEntry(NamedTuple):
     """A journal entry as read. `data` is its JSON, for comparing without decoding."""
 
     sequence: int

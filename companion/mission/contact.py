@@ -8,13 +8,30 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Protocol
 
 from companion.config import Mission
 from companion.geometry import horizontal_norm
-from companion.messages import PadEstimate, Vec3
+from companion.messages import Vec3
 
 CLOSING_S = 0.3
 """The horizontal error is carried on for so long only: after that the control law has answered it."""
+
+
+class Deck(Protocol):
+    """The pad at an instant, W: an estimate, or what is predicted of it."""
+
+    @property
+    def position_ned_m(self) -> Vec3: ...
+
+    @property
+    def velocity_ned_m_s(self) -> Vec3: ...
+
+    @property
+    def roll_rad(self) -> float: ...
+
+    @property
+    def pitch_rad(self) -> float: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +49,7 @@ def time_to_contact_s(height_m: float, mission: Mission) -> float:
     return max(0.0, height_m - mission.vehicle_leg_height_m) / mission.final_descent_speed_m_s
 
 
-def contact(in_s: float, position_m: Vec3, velocity_m_s: Vec3, pad_then: PadEstimate) -> Contact:
+def contact(in_s: float, position_m: Vec3, velocity_m_s: Vec3, pad_then: Deck) -> Contact:
     """`position_m`, `velocity_m_s`: vehicle minus pad now; `pad_then`: the pad predicted for the contact."""
     ahead_s = min(in_s, CLOSING_S)
     return Contact(

@@ -35,6 +35,8 @@ class Moving:
         north = 4.0 * t_ns / 1e9
         return replace(PAD, t_ns=t_ns, position_ned_m=(north, 0.0, -0.5))
 
+    motion = estimate
+
 
 class Scene:
     """A situation fed 20 ms at a time with a vehicle over the pad."""

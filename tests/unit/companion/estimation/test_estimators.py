@@ -10,6 +10,7 @@ from pads import error_m, frames, ns, sights, still
 from companion.config import Estimation
 from companion.estimation import ESTIMATORS, PadEstimator
 from companion.estimation.measurement import CameraPose, PadMeasurement
+from companion.estimation.outlook import PadMotion
 from companion.messages import ObservationSource
 
 NAMES = sorted(ESTIMATORS)
@@ -62,8 +63,8 @@ def test_the_motion_alone_has_the_bits_of_the_whole_estimate_ahead_and_in_the_pa
         motion, estimate = estimator.motion(ns(t)), estimator.estimate(ns(t))
         assert (motion is None) == (estimate is None)
         if motion is not None and estimate is not None:
-            assert motion.velocity_ned_m_s == estimate.velocity_ned_m_s
-            assert motion.acceleration_ned_m_s2 == estimate.acceleration_ned_m_s2
+            for field in PadMotion.__slots__:
+                assert getattr(motion, field) == getattr(estimate, field)
 
 
 @pytest.mark.parametrize("name", NAMES)
