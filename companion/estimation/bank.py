@@ -13,7 +13,22 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from operator import itemgetter
 
-from companion.estimation.kalman import Vector, log_likelihood, update_scalar
+import numpy as np
+
+from companion.compiled import room
+from companion.estimation.kalman import (
+    Array,
+    Covariance,
+    Indices,
+    Vector,
+    fuse,
+    log_likelihood,
+    moments,
+    packed,
+    replace_shared,
+    update_scalar,
+    update_state,
+)
 from companion.estimation.motion import SHARED, VX, VY, Motion, MotionModel, X, Y
 
 LEAST_SHARE = 1e-3
@@ -30,7 +45,7 @@ MIRROR = itemgetter(*(LOWER.index((max(i, j), min(i, j))) for i in range(SHARED)
 
 
 @functools.cache
-def lower_of(n: int) -> Callable[[Vector], tuple[float, ...]]:
+def lower_of(n: int) -> Callable[[Covariance], tuple[float, ...]]:
     """The lower triangle of the shared states out of a covariance of n x n."""
     return itemgetter(*(i * n + j for i, j in LOWER))
 
@@ -41,11 +56,11 @@ class Member:
 
     model: MotionModel
     x: Vector
-    P: Vector
+    P: Covariance
     probability: float
 
     def copied(self) -> Member:
-        return Member(self.model, self.x[:], self.P[:], self.probability)
+        return Member(self.model, self.x[:], self.P.copy(), self.probability)
 
     def with_own_mean(self) -> Member:
         """A copy that shares the covariance: only its mean and its probability may be changed."""
@@ -66,7 +81,7 @@ def start(models: Sequence[MotionModel], probabilities: Sequence[float], shared:
     return [Member(model, *_extended(model, shared), p) for model, p in zip(models, probabilities, strict=True)]
 
 
-def _extended(model: MotionModel, shared: Mixture) -> tuple[list[float], list[float]]:
+def _extended(model: MotionModel, shared: Mixture) -> tuple[Vector, Covariance]:
     n = model.size
     mean, variance = model.added()
     x = list(shared.x) + list(mean)
@@ -76,7 +91,7 @@ def _extended(model: MotionModel, shared: Mixture) -> tuple[list[float], list[fl
     for k, value in enumerate(variance):
         i = SHARED + k
         P[i * n + i] = value
-    return x, P
+    return x, room(P)
 
 
 def copied(members: Sequence[Member]) -> list[Member]:
@@ -118,14 +133,8 @@ def _take(member: Member, before: Sequence[Member], shares: Sequence[float], own
     if shares[own] > 1.0 - LEAST_SHARE:
         return
     x, P = _moments(before, shares)
-    n, keep = member.model.size, shares[own]
-    for i in range(SHARED):
-        member.x[i] = x[i]
-        for j in range(SHARED):
-            member.P[i * n + j] = P[i * SHARED + j]
-        for j in range(SHARED, n):
-            member.P[i * n + j] *= keep
-            member.P[j * n + i] *= keep
+    member.x[:SHARED] = x
+    replace_shared(member.P, member.model.size, P, SHARED, shares[own])
 
 
 def _moments(members: Sequence[Member], shares: Sequence[float]) -> tuple[list[float], list[float]]:
@@ -133,8 +142,14 @@ def _moments(members: Sequence[Member], shares: Sequence[float]) -> tuple[list[f
     parts = [(w, m.x, m.P, m.model.size) for w, m in zip(shares, members, strict=True) if w > LEAST_SHARE]
     if len(parts) == 1:
         _, x, Pm, n = parts[0]
-        return x[:SHARED], [value for i in range(SHARED) for value in Pm[i * n : i * n + SHARED]]
-    scale = 1.0 / sum(part[0] for part in parts)
+        rows = Pm if isinstance(Pm, list) else Pm.tolist()
+        return x[:SHARED], [value for i in range(SHARED) for value in rows[i * n : i * n + SHARED]]
+    if not isinstance(parts[0][2], list):
+        return _moments_compiled(parts)
+    total_w = 0.0
+    for w, *_ in parts:
+        total_w += w
+    scale = 1.0 / total_w
     mean = [0.0] * SHARED
     for w, x, _, _ in parts:
         mean = [total + w * value for total, value in zip(mean, x, strict=False)]
@@ -146,6 +161,20 @@ def _moments(members: Sequence[Member], shares: Sequence[float]) -> tuple[list[f
         lower = zip(triangle, lower_of(n)(Pm), LOWER_ROW(d), LOWER_COLUMN(d), strict=True)
         triangle = [p + w * (value + di * dj) for p, value, di, dj in lower]
     return mean, list(MIRROR(triangle))
+
+
+def _moments_compiled(parts: Sequence[tuple[float, Vector, Covariance, int]]) -> tuple[list[float], list[float]]:
+    """`_moments` of more than one part, addition by addition."""
+    weights = np.array([w for w, *_ in parts])
+    means = np.array([value for _, x, _, _ in parts for value in x[:SHARED]])
+    P = np.concatenate([Pm for _, _, Pm, _ in parts])
+    found: list[float] = moments(weights, means, _sizes(tuple(n for *_, n in parts)), P, SHARED).tolist()
+    return found[:SHARED], found[SHARED:]
+
+
+@functools.cache
+def _sizes(sizes: tuple[int, ...]) -> Indices:
+    return np.array(sizes, np.int64)
 
 
 def combined(members: Sequence[Member]) -> Mixture:
@@ -217,19 +246,33 @@ def decorrelated(first: Row, second: Row, covariance: float) -> tuple[Row, Row]:
 
 def update(members: Sequence[Member], rows: Sequence[Row]) -> None:
     """Fuse scalars one after the other into every model and re-weigh the models by their likelihood."""
-    logs = [_updated(member, rows) for member in members]
+    for_kernel = packed([(row.indices, row.coefficients, row.z, row.R) for row in rows])
+    logs = []
+    for member in members:
+        x, P = member.x, member.P
+        told = _fused(x, P, rows) if isinstance(P, list) else _fused_compiled(x, P, *for_kernel)
+        total = 0.0
+        for y, S in told:
+            total += log_likelihood(y, S)
+        logs.append(total)
     _reweigh(members, logs)
 
 
-def _updated(member: Member, rows: Sequence[Row]) -> float:
-    n, x, P = member.model.size, member.x, member.P
-    g = [0.0] * n
-    total = 0.0
+def _fused(x: Vector, P: Vector, rows: Sequence[Row]) -> list[tuple[float, float]]:
+    """Innovation and its variance of each."""
+    n = len(x)
+    g, told = [0.0] * n, []
     for row in rows:
         y = row.residual(x)
-        S = update_scalar(x, P, n, row.indices, row.coefficients, y, row.R, g)
-        total += log_likelihood(y, S)
-    return total
+        told.append((y, update_scalar(x, P, n, row.indices, row.coefficients, y, row.R, g)))
+    return told
+
+
+def _fused_compiled(x: Vector, P: Array, places: Indices, numbers: Array) -> list[tuple[float, float]]:
+    mean = np.array(x)
+    told = fuse(mean, P, places, numbers).tolist()
+    x[:] = mean.tolist()
+    return list(zip(told[::2], told[1::2], strict=True))
 
 
 def _reweigh(members: Sequence[Member], logs: Sequence[float]) -> None:
@@ -246,8 +289,7 @@ def _reweigh(members: Sequence[Member], logs: Sequence[float]) -> None:
 
 def update_own(member: Member, index: int, y: float, R: float) -> None:
     """Fuse a scalar that only this model knows (turn rate, yaw): y is the residual. Says nothing about other models."""
-    n = member.model.size
-    update_scalar(member.x, member.P, n, (index,), (1.0,), y, R, [0.0] * n)
+    update_state(member.x, member.P, index, y, R)
 
 
 def shift_velocity(members: Sequence[Member], step: tuple[float, float]) -> None:

@@ -124,7 +124,7 @@ class BankTrack:
             members=bank.copied(self.members),
             height=self.settings.vertical.copied(self.height),
             yaw=None if self.yaw is None else (self.yaw[0][:], self.yaw[1][:]),
-            gates={key: gate.copied() for key, gate in self.gates.items()},
+            gates=self.gates.copy(),
             vision_ns=self.vision_ns,
             beacon_ns=self.beacon_ns,
             systematic_m2=self.systematic_m2,
@@ -244,7 +244,10 @@ def _rows(m: PadMeasurement, z: Vec3, R: Mat3) -> tuple[Row, Row]:
 
 
 def _gate(track: BankTrack, source: ObservationSource, axis: str) -> AxisGate:
-    return track.gates.setdefault((source, axis), AxisGate())
+    """The track's own: tracks share their gates until one judges anew."""
+    gate = track.gates.get((source, axis))
+    own = track.gates[source, axis] = AxisGate() if gate is None else gate.copied()
+    return own
 
 
 def _judge_horizontal(

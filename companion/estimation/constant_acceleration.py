@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass
 
 from companion.estimation.constant_velocity import velocity_noise, velocity_noise_at
-from companion.estimation.kalman import Step, Vector, predict_covariance
+from companion.estimation.kalman import Covariance, Step, Vector, predict_covariance
 from companion.estimation.motion import DEFAULT_BIAS, FADING, SHARED, VX, VY, BeaconBias, Motion, X, Y
 
 AX, AY = SHARED, SHARED + 1
@@ -44,7 +44,7 @@ class ConstantAcceleration:
         variance = self.sigma_m_s2 * self.sigma_m_s2
         return (0.0, 0.0), (variance, variance)
 
-    def predict(self, x: Vector, P: Vector, dt_s: float) -> None:
+    def predict(self, x: Vector, P: Covariance, dt_s: float) -> None:
         while dt_s > MAX_STEP_S:
             self._step(x, P, MAX_STEP_S)
             dt_s -= MAX_STEP_S
@@ -56,7 +56,7 @@ class ConstantAcceleration:
             dt_s -= MAX_STEP_S
         self._moved(x, dt_s)
 
-    def _step(self, x: Vector, P: Vector, dt_s: float) -> None:
+    def _step(self, x: Vector, P: Covariance, dt_s: float) -> None:
         values = self._moved(x, dt_s)
         predict_covariance(P, STEP, values, self._noise(dt_s), *self.bias.fading(dt_s))
 

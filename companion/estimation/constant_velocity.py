@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from companion.estimation.kalman import Step, Vector, predict_covariance
+from companion.estimation.kalman import Covariance, Step, Vector, predict_covariance
 from companion.estimation.motion import DEFAULT_BIAS, FADING, SHARED, VX, VY, BeaconBias, Motion, X, Y
 
 
@@ -34,7 +34,7 @@ class ConstantVelocity:
     def added(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
         return (), ()
 
-    def predict(self, x: Vector, P: Vector, dt_s: float) -> None:
+    def predict(self, x: Vector, P: Covariance, dt_s: float) -> None:
         self.move(x, dt_s)
         noise = velocity_noise(self.acceleration_psd, dt_s)
         predict_covariance(P, STEP, (dt_s, dt_s), noise, *self.bias.fading(dt_s))

@@ -11,9 +11,9 @@ import math
 from dataclasses import dataclass
 
 from companion.estimation.constant_velocity import velocity_noise, velocity_noise_at
-from companion.estimation.kalman import Step, Vector, predict_covariance
+from companion.estimation.kalman import Covariance, Step, Vector, predict_covariance
 from companion.estimation.motion import DEFAULT_BIAS, FADING, SHARED, VX, VY, BeaconBias, Motion, X, Y
-from companion.estimation.turn import ARC_ENTRIES, arc, arc_acceleration
+from companion.estimation.turn import ARC_ENTRIES, Arc, arc, arc_acceleration, arc_entries
 
 TURN, ALONG, YAW = range(SHARED, SHARED + 3)
 SIZE = SHARED + 3
@@ -48,7 +48,7 @@ class CoordinatedTurn:
     def added(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
         return (0.0, 0.0, 0.0), (0.25, self.along_sigma_m_s2**2, 10.0)
 
-    def predict(self, x: Vector, P: Vector, dt_s: float) -> None:
+    def predict(self, x: Vector, P: Covariance, dt_s: float) -> None:
         while dt_s > MAX_STEP_S:
             self._step(x, P, MAX_STEP_S)
             dt_s -= MAX_STEP_S
@@ -60,21 +60,21 @@ class CoordinatedTurn:
             dt_s -= MAX_STEP_S
         self._moved(x, dt_s)
 
-    def _step(self, x: Vector, P: Vector, dt_s: float) -> None:
-        values = self._moved(x, dt_s)
-        fade = math.exp(-dt_s / self.along_time_s)
+    def _step(self, x: Vector, P: Covariance, dt_s: float) -> None:
+        fade, moved = self._moved(x, dt_s)
+        values = (*arc_entries(moved, dt_s), fade - 1.0, dt_s)
         along = self.along_sigma_m_s2**2 * (1.0 - fade * fade)
         noise = (self.turn_psd * dt_s, along, *velocity_noise(self.velocity_psd, dt_s))
         predict_covariance(P, STEP, values, noise, *self.bias.fading(dt_s))
 
-    def _moved(self, x: Vector, dt_s: float) -> tuple[float, ...]:
-        """The mean a step on; returns the entries of F - I."""
+    def _moved(self, x: Vector, dt_s: float) -> tuple[float, Arc]:
+        """The mean a step on; returns the factor of the acceleration along travel, and the arc."""
         fade = math.exp(-dt_s / self.along_time_s)
-        values = (*arc(x, x[TURN], x[ALONG], dt_s), fade - 1.0, dt_s)
+        moved = arc(x, x[TURN], x[ALONG], dt_s)
         x[YAW] += x[TURN] * dt_s
         x[ALONG] *= fade
         self.bias.move(x, dt_s)
-        return values
+        return fade, moved
 
     def motion(self, x: Vector) -> Motion:
         return Motion(arc_acceleration(x, x[TURN], x[ALONG]), x[TURN])

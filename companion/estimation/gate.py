@@ -51,7 +51,7 @@ class AxisGate:
     agreeing: int = 0
 
     def copied(self) -> AxisGate:
-        """Written out: dataclasses.replace takes ten times as long, and every look ahead copies all gates."""
+        """Written out: dataclasses.replace takes ten times as long."""
         return AxisGate(
             self.confirmed_s,
             self.last_ns,

@@ -1,7 +1,9 @@
 """Filter arithmetic: predict and update as small functions over flat sequences, textbook letters.
 
-`x` is a list of n floats, `P` its covariance, row after row in one list of n * n floats (P[i * n + j]). The functions change
-them in place. For six to ten states this is several times faster than NumPy, whose calls cost more than the arithmetic.
+`x` is a list of n floats, `P` its covariance, row after row in one sequence of n * n floats (P[i * n + j]). The functions change
+them in place. For six to ten states this is several times faster than NumPy, whose calls cost more than the arithmetic. The P of
+a motion model is what `room` gives: an array for machine code where there is a compiler, a list where there is none; both ways do
+the same operations in the same order, to the same bits.
 
 One scalar at a time: a measurement with correlated components is decorrelated first, so no matrix is ever inverted, and
 a component that fails its gate is left out without touching the others. Called by the models' filters.
@@ -13,14 +15,16 @@ import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from companion.compiled import COMPILED, compiled
+from companion.compiled import compiled, room
 
 Vector = list[float]
 Array = npt.NDArray[np.float64]
+Covariance = Vector | Array
 Indices = npt.NDArray[np.int64]
 
 LOG_2_PI = math.log(2.0 * math.pi)
@@ -68,13 +72,8 @@ def transform_covariance(
     """P <- F P F' with F = I + sum of values[k] at (rows[k], columns[k]).
 
     Motion models are nearly the identity: with a dozen entries this is five times fewer operations than the dense product.
-    Both products are sums of whole rows, each row formed at once; the second works on the transpose. A large P goes through the
-    same additions in machine code where there is a compiler: the same bits in a sixth of the time.
+    Both products are sums of whole rows, each row formed at once; the second works on the transpose.
     """
-    if COMPILED and n >= COMPILED_FROM:
-        at = _places(tuple(rows), tuple(columns))
-        P[:] = _transformed(np.array(P), n, at[0], at[1], np.array(values)).tolist()
-        return
     changed = [(row, from_rows, [values[k] for k in at]) for row, from_rows, at in _by_row(tuple(rows), tuple(columns))]
     before: list[Sequence[float]] = [P[i : i + n] for i in range(0, n * n, n)]
     half = before[:]
@@ -87,35 +86,6 @@ def transform_covariance(
     P[:] = [value for row in result for value in row]
 
 
-COMPILED_FROM = 6
-"""States from which the way into an array and back is worth it."""
-
-
-@functools.cache
-def _places(rows: tuple[int, ...], columns: tuple[int, ...]) -> tuple[Indices, Indices]:
-    return np.array(rows, np.int64), np.array(columns, np.int64)
-
-
-@compiled
-def _transformed(P: Array, n: int, rows: Indices, columns: Indices, values: Array) -> Array:
-    """F P F' as `transform_covariance` forms it, addition by addition."""
-    half = P.copy()
-    for k in range(len(values)):
-        row, column, value = rows[k] * n, columns[k] * n, values[k]
-        for j in range(n):
-            half[row + j] += value * P[column + j]
-    turned = np.empty_like(half)
-    for i in range(n):
-        for j in range(n):
-            turned[i * n + j] = half[j * n + i]
-    result = turned.copy()
-    for k in range(len(values)):
-        row, column, value = rows[k] * n, columns[k] * n, values[k]
-        for j in range(n):
-            result[row + j] += value * turned[column + j]
-    return result
-
-
 @dataclass(frozen=True, slots=True)
 class Step:
     """What one prediction does to a covariance of n x n, apart from the numbers: F = I + values at (rows, columns), then noise
@@ -126,21 +96,22 @@ class Step:
     columns: tuple[int, ...]
     noise_at: tuple[int, ...]
     fading: tuple[int, ...]
-    arrays: tuple[Indices, Indices, Indices, Indices] = field(init=False, compare=False, repr=False)
+    packed: Indices = field(init=False, compare=False, repr=False)
+    """For the kernel: n, how many entries, noises and fading states, then these."""
 
     def __post_init__(self) -> None:
-        indices = (self.rows, self.columns, self.noise_at, self.fading)
-        object.__setattr__(self, "arrays", tuple(np.array(each, np.int64) for each in indices))
+        counts = (self.n, len(self.rows), len(self.noise_at), len(self.fading))
+        packed = np.array((*counts, *self.rows, *self.columns, *self.noise_at, *self.fading), np.int64)
+        object.__setattr__(self, "packed", packed)
 
 
 def predict_covariance(
-    P: Vector, step: Step, values: Sequence[float], noise: Sequence[float], decay: float, gained: float
+    P: Covariance, step: Step, values: Sequence[float], noise: Sequence[float], decay: float, gained: float
 ) -> None:
     """P <- D (F P F' + noise) D' + gained, in place, in one go: D multiplies each of `step.fading` by `decay`, and these gain the
-    variance `gained`. In machine code where there is a compiler, to the same bits."""
-    if COMPILED and step.n >= COMPILED_FROM:
-        numbers = np.array((*values, *noise))
-        P[:] = _predicted(np.array(P), step.n, *step.arrays, numbers, decay, gained).tolist()
+    variance `gained`."""
+    if not isinstance(P, list):
+        _predict(P, step.packed, np.array((*values, *noise, decay, gained)))
         return
     n = step.n
     transform_covariance(P, n, step.rows, step.columns, values)
@@ -152,36 +123,136 @@ def predict_covariance(
 
 
 @compiled
-def _predicted(
-    P: Array,
-    n: int,
-    rows: Indices,
-    columns: Indices,
-    noise_at: Indices,
-    fading: Indices,
-    numbers: Array,
-    decay: float,
-    gained: float,
-) -> Array:
-    """`predict_covariance`, addition by addition; `numbers` are the values of F - I, then the noise."""
-    count = len(rows)
-    result = _transformed(P, n, rows, columns, numbers[:count])
-    for k in range(len(noise_at)):
-        result[noise_at[k]] += numbers[count + k]
-    for k in range(len(fading)):
-        i = fading[k]
+def _predict(P: Array, step: Indices, numbers: Array) -> None:
+    """`predict_covariance`, addition by addition; `numbers` are the values of F - I, the noise, decay and gained."""
+    n, entries, noises, fading = step[0], step[1], step[2], step[3]
+    columns_at, noise_at, fading_at = 4 + entries, 4 + 2 * entries, 4 + 2 * entries + noises
+    half = P.copy()
+    for k in range(entries):
+        row, column, value = step[4 + k] * n, step[columns_at + k] * n, numbers[k]
         for j in range(n):
-            result[i * n + j] *= decay
+            half[row + j] += value * P[column + j]
+    turned = np.empty_like(P)
+    for i in range(n):
         for j in range(n):
-            result[j * n + i] *= decay
-        result[i * n + i] += gained
+            turned[i * n + j] = half[j * n + i]
+    P[:] = turned
+    for k in range(entries):
+        row, column, value = step[4 + k] * n, step[columns_at + k] * n, numbers[k]
+        for j in range(n):
+            P[row + j] += value * turned[column + j]
+    for k in range(noises):
+        P[step[noise_at + k]] += numbers[entries + k]
+    decay, gained = numbers[entries + noises], numbers[entries + noises + 1]
+    for k in range(fading):
+        i = step[fading_at + k]
+        for j in range(n):
+            P[i * n + j] *= decay
+        for j in range(n):
+            P[j * n + i] *= decay
+        P[i * n + i] += gained
+
+
+def packed(rows: Sequence[tuple[Sequence[int], Sequence[float], float, float]]) -> tuple[Indices, Array]:
+    """Scalars (indices, coefficients, z, R) for `fuse`: how many and, of each, its length and indices; z, R and coefficients."""
+    places: list[int] = [len(rows)]
+    numbers: list[float] = []
+    for indices, coefficients, z, R in rows:
+        places += (len(indices), *indices)
+        numbers += (z, R, *coefficients)
+    return np.array(places, np.int64), np.array(numbers)
+
+
+_update_scalar_compiled: Any = compiled(update_scalar)
+
+
+@compiled
+def fuse(x: Array, P: Array, places: Indices, numbers: Array) -> Array:
+    """Fuse what `packed` made, one scalar after the other; returns innovation and its variance of each."""
+    told, g = np.empty(2 * places[0]), np.empty(len(x))
+    i, k = 1, 0
+    for row in range(places[0]):
+        length, z, R = places[i], numbers[k], numbers[k + 1]
+        indices, coefficients = places[i + 1 : i + 1 + length], numbers[k + 2 : k + 2 + length]
+        y = z
+        for m in range(length):
+            y -= coefficients[m] * x[indices[m]]
+        told[2 * row] = y
+        told[2 * row + 1] = _update_scalar_compiled(x, P, len(x), indices, coefficients, y, R, g)
+        i, k = i + 1 + length, k + 2 + length
+    return told
+
+
+def update_state(x: Vector, P: Covariance, index: int, y: float, R: float) -> None:
+    """Fuse a scalar that is one state, plus noise of variance R; y is the residual."""
+    n = len(x)
+    if isinstance(P, list):
+        update_scalar(x, P, n, (index,), (1.0,), y, R, [0.0] * n)
+        return
+    mean = np.array(x)
+    _update_scalar_compiled(mean, P, n, np.array((index,), np.int64), np.array((1.0,)), y, R, np.empty(n))
+    x[:] = mean.tolist()
+
+
+@compiled
+def moments(weights: Array, means: Array, sizes: Indices, P: Array, shared: int) -> Array:
+    """Mean, then covariance of the first `shared` states of a mixture. `means` holds these states of one component after the
+    other, `P` the whole covariances, of `sizes` squared."""
+    total = 0.0
+    for k in range(len(weights)):
+        total += weights[k]
+    scale = 1.0 / total
+    result = np.zeros(shared + shared * shared)
+    for k in range(len(weights)):
+        for i in range(shared):
+            result[i] += weights[k] * means[k * shared + i]
+    for i in range(shared):
+        result[i] *= scale
+    d, start = np.empty(shared), 0
+    for k in range(len(weights)):
+        w, n = weights[k] * scale, sizes[k]
+        for i in range(shared):
+            d[i] = means[k * shared + i] - result[i]
+        for i in range(shared):
+            for j in range(i + 1):
+                result[shared + i * shared + j] += w * (P[start + i * n + j] + d[i] * d[j])
+        start += n * n
+    for i in range(shared):
+        for j in range(i):
+            result[shared + j * shared + i] = result[shared + i * shared + j]
     return result
+
+
+def replace_shared(P: Covariance, n: int, own: Vector, shared: int, keep: float) -> None:
+    """P with the covariance `own` of the first `shared` states; the ties of these to the others are kept to the part `keep`."""
+    if isinstance(P, list):
+        _replace_shared(P, n, own, shared, keep)
+    else:
+        _replace_shared_compiled(P, n, np.array(own), shared, keep)
+
+
+def _replace_shared(P: Vector, n: int, own: Vector, shared: int, keep: float) -> None:
+    for i in range(shared):
+        for j in range(shared):
+            P[i * n + j] = own[i * shared + j]
+        for j in range(shared, n):
+            P[i * n + j] *= keep
+            P[j * n + i] *= keep
+
+
+_replace_shared_compiled: Any = compiled(_replace_shared)
 
 
 def warm_up() -> None:
     """Compile, or load from the cache, before anything flies: the first call takes a second where nothing is cached."""
-    transform_covariance([0.0] * COMPILED_FROM**2, COMPILED_FROM, (0,), (1,), (0.5,))
-    predict_covariance([0.0] * COMPILED_FROM**2, Step(COMPILED_FROM, (0,), (1,), (0,), (2,)), (0.5,), (0.0,), 1.0, 0.0)
+    x, P = [0.0], room([1.0])
+    predict_covariance(P, Step(1, (0,), (0,), (0,), (0,)), (0.5,), (0.0,), 1.0, 0.0)
+    update_state(x, P, 0, 0.0, 1.0)
+    if not isinstance(P, list):
+        one = np.ones(1)
+        fuse(np.array(x), P, *packed([((0,), (1.0,), 0.0, 1.0)]))
+        moments(one, one, np.array([1]), P, 1)
+        replace_shared(P, 1, [1.0], 1, 1.0)
 
 
 @functools.cache
@@ -218,7 +289,7 @@ def _summed(matrix: Sequence[Sequence[float]], row: int, from_rows: Sequence[int
     return own
 
 
-def scale_state(P: Vector, n: int, i: int, factor: float) -> None:
+def scale_state(P: Covariance, n: int, i: int, factor: float) -> None:
     """P <- F P F' where F only multiplies state i by `factor`."""
     row = slice(i * n, i * n + n)
     P[row] = [value * factor for value in P[row]]
@@ -230,7 +301,7 @@ def log_likelihood(y: float, S: float) -> float:
     return -0.5 * (LOG_2_PI + math.log(S) + y * y / S)
 
 
-def forget(P: Vector, n: int, i: int, variance: float) -> None:
+def forget(P: Covariance, n: int, i: int, variance: float) -> None:
     """State i is no longer tied to the others, and known only to `variance`."""
     for j in range(n):
         P[i * n + j] = 0.0

@@ -12,9 +12,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
-from companion.estimation.kalman import Vector, scale_state
+from companion.estimation.kalman import Covariance, Vector, scale_state
 
 X, Y, BX, BY, VX, VY = range(6)
 SHARED = 6
@@ -22,8 +22,7 @@ FADING = (BX, BY)
 """The states that `BeaconBias` multiplies, last in each step."""
 
 
-@dataclass(frozen=True, slots=True)
-class Motion:
+class Motion(NamedTuple):
     """Horizontal motion as one model sees it: acceleration NED m/s^2 and turn rate rad/s."""
 
     acceleration_m_s2: tuple[float, float]
@@ -54,7 +53,7 @@ class MotionModel(Protocol):
     def added(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """Initial mean and variance of the states after the shared ones."""
 
-    def predict(self, x: Vector, P: Vector, dt_s: float) -> None:
+    def predict(self, x: Vector, P: Covariance, dt_s: float) -> None:
         """Advance mean and covariance in place. `dt_s` >= 0; the model splits long steps itself."""
 
     def move(self, x: Vector, dt_s: float) -> None:
@@ -82,7 +81,7 @@ class BeaconBias:
         x[BY] *= decay
         return decay, gained
 
-    def predict(self, x: Vector, P: Vector, n: int, dt_s: float) -> None:
+    def predict(self, x: Vector, P: Covariance, n: int, dt_s: float) -> None:
         """Let the bias fade by dt_s, in place."""
         decay, gained = self.move(x, dt_s)
         for b in (BX, BY):

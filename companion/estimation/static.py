@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from companion.estimation.kalman import Vector, forget
+from companion.estimation.kalman import Covariance, Vector, forget
 from companion.estimation.motion import DEFAULT_BIAS, SHARED, VX, VY, BeaconBias, Motion, X, Y
 
 
@@ -24,7 +24,7 @@ class Static:
     def added(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
         return (), ()
 
-    def predict(self, x: Vector, P: Vector, dt_s: float) -> None:
+    def predict(self, x: Vector, P: Covariance, dt_s: float) -> None:
         for position, velocity in ((X, VX), (Y, VY)):
             x[velocity] = 0.0
             forget(P, SHARED, velocity, 1e-6)

@@ -11,13 +11,15 @@ MIN_SPEED_M_S = 0.3
 """Below it the direction of travel is noise: the acceleration along travel acts in proportion."""
 
 ARC_ENTRIES = ((X, VX), (X, VY), (Y, VX), (Y, VY), (VX, VX), (VX, VY), (VY, VX), (VY, VY))
-"""Where F - I is not zero for the shared states, in the order in which `arc` gives the values; then, for turn rate and
+"""Where F - I is not zero for the shared states, in the order in which `arc_entries` gives the values; then, for turn rate and
 acceleration along travel, X, Y, VX, VY each."""
 
+Arc = tuple[float, float, float, float, float, float, float, float, float, float, float]
 
-def arc(x: Vector, w: float, along: float, dt: float) -> tuple[float, ...]:
-    """Move position and velocity of `x` along an arc of mean turn rate w and acceleration along travel; returns the entries
-    of F - I. The chord of an arc has the direction half way through the turn and the length of the arc times sinc of
+
+def arc(x: Vector, w: float, along: float, dt: float) -> Arc:
+    """Move position and velocity of `x` along an arc of mean turn rate w and acceleration along travel; returns what
+    `arc_entries` needs. The chord of an arc has the direction half way through the turn and the length of the arc times sinc of
     half the angle."""
     vx, vy = x[VX], x[VY]
     angle = w * dt
@@ -34,6 +36,12 @@ def arc(x: Vector, w: float, along: float, dt: float) -> tuple[float, ...]:
     x[X] += chord * bx
     x[Y] += chord * by
     x[VX], x[VY] = nx, ny
+    return c, s, ch, sh, ux, uy, chord, bx, by, nx, ny
+
+
+def arc_entries(moved: Arc, dt: float) -> tuple[float, ...]:
+    """The entries of F - I of a step along an arc."""
+    c, s, ch, sh, ux, uy, chord, bx, by, nx, ny = moved
     half = 0.5 * dt * dt
     return (
         chord * ch, -chord * sh, chord * sh, chord * ch, c - 1.0, -s, s, c - 1.0,

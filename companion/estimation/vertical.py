@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from companion.estimation.kalman import Vector, update_scalar
 
@@ -19,8 +19,7 @@ State = tuple[Vector, Vector]
 Z, VZ, BZ = range(3)
 
 
-@dataclass(frozen=True, slots=True)
-class VerticalView:
+class VerticalView(NamedTuple):
     """Height, its rate and acceleration (down positive), with variances."""
 
     z_m: float

@@ -11,9 +11,9 @@ import math
 from dataclasses import dataclass
 
 from companion.estimation.constant_velocity import velocity_noise, velocity_noise_at
-from companion.estimation.kalman import Step, Vector, predict_covariance
+from companion.estimation.kalman import Covariance, Step, Vector, predict_covariance
 from companion.estimation.motion import DEFAULT_BIAS, FADING, SHARED, VX, VY, BeaconBias, Motion, X, Y
-from companion.estimation.turn import ARC_ENTRIES, arc, arc_acceleration
+from companion.estimation.turn import ARC_ENTRIES, Arc, arc, arc_acceleration, arc_entries
 
 TURN, CHANGE, ALONG, YAW = range(SHARED, SHARED + 4)
 SIZE = SHARED + 4
@@ -51,7 +51,7 @@ class WeavingTurn:
     def added(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
         return (0.0, 0.0, 0.0, 0.0), (0.25, 0.1, self.along_sigma_m_s2**2, 10.0)
 
-    def predict(self, x: Vector, P: Vector, dt_s: float) -> None:
+    def predict(self, x: Vector, P: Covariance, dt_s: float) -> None:
         while dt_s > MAX_STEP_S:
             self._step(x, P, MAX_STEP_S)
             dt_s -= MAX_STEP_S
@@ -63,24 +63,27 @@ class WeavingTurn:
             dt_s -= MAX_STEP_S
         self._moved(x, dt_s)
 
-    def _step(self, x: Vector, P: Vector, dt_s: float) -> None:
-        values = self._moved(x, dt_s)
+    def _step(self, x: Vector, P: Covariance, dt_s: float) -> None:
+        fade, moved = self._moved(x, dt_s)
+        values = arc_entries(moved, dt_s)
+        to_vx, to_vy = 0.5 * dt_s * values[10], 0.5 * dt_s * values[11]
+        swing, damping = -dt_s * self.swing_s2, -dt_s * self.damping_s
+        values = (*values, to_vx, to_vy, dt_s, swing, damping, fade - 1.0, dt_s)
         predict_covariance(P, STEP, values, self._noise(dt_s), *self.bias.fading(dt_s))
 
-    def _moved(self, x: Vector, dt_s: float) -> tuple[float, ...]:
-        """The mean a step on; returns the entries of F - I."""
+    def _moved(self, x: Vector, dt_s: float) -> tuple[float, Arc]:
+        """The mean a step on; returns the factor of the acceleration along travel, and the arc."""
         fade = math.exp(-dt_s / self.along_time_s)
         turn, change = x[TURN], x[CHANGE]
         mean_turn = turn + 0.5 * change * dt_s
-        values = arc(x, mean_turn, x[ALONG], dt_s)
-        to_vx, to_vy = 0.5 * dt_s * values[10], 0.5 * dt_s * values[11]
+        moved = arc(x, mean_turn, x[ALONG], dt_s)
         swing, damping = -dt_s * self.swing_s2, -dt_s * self.damping_s
         x[YAW] += mean_turn * dt_s
         x[TURN] = turn + change * dt_s
         x[CHANGE] = change + swing * turn + damping * change
         x[ALONG] *= fade
         self.bias.move(x, dt_s)
-        return (*values, to_vx, to_vy, dt_s, swing, damping, fade - 1.0, dt_s)
+        return fade, moved
 
     def _noise(self, dt_s: float) -> tuple[float, ...]:
         fade = math.exp(-dt_s / self.along_time_s)

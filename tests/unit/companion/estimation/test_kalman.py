@@ -1,13 +1,19 @@
 """The filter arithmetic against dense NumPy."""
 
 import math
-from unittest import mock
 
 import numpy as np
 import pytest
 
-from companion.estimation import vertical
+from companion.estimation import bank, vertical
+from companion.estimation.constant_acceleration import ConstantAcceleration
+from companion.estimation.constant_velocity import ConstantVelocity
+from companion.estimation.coordinated_turn import CoordinatedTurn
 from companion.estimation.kalman import forget, log_likelihood, scale_state, transform_covariance, update_scalar
+from companion.estimation.motion import SHARED, Motion
+from companion.estimation.weaving_turn import WeavingTurn
+
+STILL = Motion((0.0, 0.0), 0.0)
 
 
 def covariance(n: int, seed: int) -> np.ndarray:
@@ -52,23 +58,35 @@ def test_likelihood_is_that_of_the_normal_density() -> None:
     assert log_likelihood(0.5, 2.0) == pytest.approx(math.log(math.exp(-0.0625) / math.sqrt(4.0 * math.pi)))
 
 
-def test_compiled_and_plain_transforms_agree_to_the_last_bit() -> None:
-    """COMPILED_FROM parts the two ways; each is asked directly."""
-    from companion.estimation import weaving_turn
-    from companion.estimation.kalman import _places, _transformed
+MODELS = (ConstantVelocity(), ConstantAcceleration(), CoordinatedTurn(), WeavingTurn())
 
-    rng = np.random.default_rng(5)
-    n = weaving_turn.SIZE
-    for _ in range(50):
-        root = rng.normal(size=(n, n))
-        P = (root @ root.T).ravel().tolist()
-        values = rng.normal(size=len(weaving_turn.ROWS)).tolist()
-        rows, columns = _places(tuple(weaving_turn.ROWS), tuple(weaving_turn.COLUMNS))
-        fast = _transformed(np.array(P), n, rows, columns, np.array(values)).tolist()
-        plain = list(P)
-        with mock.patch("companion.estimation.kalman.COMPILED", False):
-            transform_covariance(plain, n, weaving_turn.ROWS, weaving_turn.COLUMNS, values)
-        assert fast == plain
+
+def worked_on(seed: int, *, as_lists: bool) -> list[bank.Member]:
+    """A bank that has predicted, mixed and fused for a while; its covariances as `room` gives them, or as lists."""
+    rng = np.random.default_rng(seed)
+    shared = bank.Mixture(rng.normal(size=SHARED).tolist(), covariance(SHARED, seed).ravel().tolist(), STILL)
+    members = bank.start(MODELS, (0.4, 0.3, 0.2, 0.1), shared)
+    if as_lists:
+        members = [bank.Member(m.model, m.x, list(map(float, m.P)), m.probability) for m in members]
+    for _ in range(20):
+        bank.predict(members, float(rng.uniform(0.0, 0.3)))
+        bank.mix(members, 0.1, 4.0)
+        rows = bank.position_rows(tuple(rng.normal(size=2)), (0.1, 0.2))  # type: ignore[arg-type]
+        bank.update(members, bank.decorrelated(*rows, 0.05))
+        for member in members:
+            if member.model.turn_index is not None:
+                bank.update_own(member, member.model.turn_index, float(rng.normal()), 0.3)
+    return members
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_machine_code_and_plain_lists_agree_to_the_last_bit(seed: int) -> None:
+    fast, plain = worked_on(seed, as_lists=False), worked_on(seed, as_lists=True)
+    for one, other in zip(fast, plain, strict=True):
+        assert one.x == other.x
+        assert list(one.P) == other.P
+        assert one.probability == other.probability
+    assert bank.combined(fast) == bank.combined(plain)
 
 
 def test_the_height_of_level_ground_is_predicted_with_the_bits_of_the_general_product() -> None:
