@@ -6,23 +6,33 @@ is the best guess and half of the round trip beyond the shortest one seen is its
 below real time runs 0.5 to 5 % slow, 5 ms between two samples, while real oscillators differ by 1e-5.
 
 Instants are integers in nanoseconds; the filter works in seconds relative to its last sample so that floats keep their
-digits. An answer cannot be further off than half of its round trip, so one that disagrees shows that the pace has changed,
-and the rate is opened for it. A peer that rebooted or jumped makes a run of impossible samples: then the filter starts anew.
+digits. An answer cannot be further off than half of its round trip, so one that disagrees shows that the pace has changed:
+the rate is opened for it, and is let walk for a while, because what changed its pace once does so again. As long as none
+disagrees the rate stands almost still, so that many answers over a slow and uneven link together say what none says alone.
+A peer that rebooted or jumped makes a run of impossible samples: then the filter starts anew.
 """
 
 from __future__ import annotations
 
 import math
+import statistics
 from dataclasses import dataclass
 
 SAMPLES_TO_CONVERGE = 5
 CONVERGED_SIGMA_S = 0.005
+CONVERGED_PER_ROUND_TRIP = 0.1
+"""Over a slow link: what is known to a fifth of the usual way is far better than the arrival."""
+LOST_PER_CONVERGED = 4.0
+"""Once known it stays known until it is this much worse: a mapping that comes and goes moves every stamp each time."""
 SHORTEST_ROUND_TRIP_WINDOW = 50
 FLOOR_SIGMA_S = 50e-6
 """Reading and scheduling jitter that no round trip shows."""
 INITIAL_RATE_SIGMA = 0.03
 RATE_WALK_PER_SQRT_S = 0.005
-"""How fast the speed of a simulator on a loaded machine changes; harmless for real clocks, whose samples are many."""
+"""How fast the speed of a simulator on a loaded machine changes."""
+STEADY_WALK_PER_SQRT_S = 1e-4
+"""The same of a peer whose pace has not been seen to change; a real oscillator is far steadier still."""
+WALK_FADES_IN_S = 10.0
 GATE_SIGMA = 4.0
 JUMP_S = 0.25
 """More than a change of pace explains within the time between two samples."""
@@ -64,6 +74,8 @@ class PeerClock:
         self._p_offset = 0.0
         self._p_cross = 0.0
         self._p_rate = INITIAL_RATE_SIGMA**2
+        self._walk = STEADY_WALK_PER_SQRT_S
+        self._known = False
 
     # ------------------------------------------------------------------------------------------------------ samples
 
@@ -81,11 +93,11 @@ class PeerClock:
         if self._samples == 0:
             self._begin(boot_ns, middle_ns, sigma_s)
             return True
-        return self._fuse(boot_ns, middle_ns, sigma_s)
+        return self._fuse(boot_ns, middle_ns, sigma_s, round_trip_s)
 
     def _sample_sigma_s(self, round_trip_s: float) -> float:
         self._round_trips_s = [*self._round_trips_s[1 - SHORTEST_ROUND_TRIP_WINDOW :], round_trip_s]
-        shortest_s = min(self._round_trips_s)
+        shortest_s = min(self._round_trips_s) * (1.0 - 1.0 / len(self._round_trips_s))
         return FLOOR_SIGMA_S + 0.1 * shortest_s + 0.5 * (round_trip_s - shortest_s)
 
     def _begin(self, boot_ns: int, companion_ns: int, sigma_s: float) -> None:
@@ -93,7 +105,7 @@ class PeerClock:
         self._p_offset = sigma_s**2
         self._samples = 1
 
-    def _fuse(self, boot_ns: int, companion_ns: int, sigma_s: float) -> bool:
+    def _fuse(self, boot_ns: int, companion_ns: int, sigma_s: float, round_trip_s: float) -> bool:
         dt_s = (boot_ns - self._boot_ns) * 1e-9
         if dt_s < -REBOOT_S:
             self._restart()
@@ -105,7 +117,9 @@ class PeerClock:
         if dt_s <= 0.0 or abs(innovation_s) > JUMP_S + sigma_s:
             self._reject()
             return False
-        if innovation_s**2 > GATE_SIGMA**2 * variance:
+        self._walk = max(STEADY_WALK_PER_SQRT_S, self._walk * math.exp(-dt_s / WALK_FADES_IN_S))
+        if abs(innovation_s) > GATE_SIGMA * math.sqrt(p_offset) + 0.5 * round_trip_s:
+            self._walk = RATE_WALK_PER_SQRT_S
             p_offset, p_cross, p_rate = _pace_changed(p_offset, p_cross, p_rate, innovation_s, dt_s)
             variance = p_offset + sigma_s**2
         k_offset, k_rate = p_offset / variance, p_cross / variance
@@ -117,10 +131,16 @@ class PeerClock:
         self._p_rate = p_rate - k_rate * p_cross
         self._samples += 1
         self._rejected_in_a_row = 0
+        self._known = self._is_known()
         return True
 
+    def _is_known(self) -> bool:
+        limit_s = max(CONVERGED_SIGMA_S, CONVERGED_PER_ROUND_TRIP * statistics.median(self._round_trips_s))
+        limit_s *= LOST_PER_CONVERGED if self._known else 1.0
+        return self._samples >= SAMPLES_TO_CONVERGE and self._p_offset < limit_s**2
+
     def _predicted_covariance(self, dt_s: float) -> tuple[float, float, float]:
-        walk = RATE_WALK_PER_SQRT_S**2
+        walk = self._walk**2
         return (
             self._p_offset + 2.0 * dt_s * self._p_cross + dt_s**2 * self._p_rate + walk * dt_s**3 / 3.0,
             self._p_cross + dt_s * self._p_rate + walk * dt_s**2 / 2.0,
@@ -142,7 +162,7 @@ class PeerClock:
 
     @property
     def converged(self) -> bool:
-        return self._samples >= SAMPLES_TO_CONVERGE and self._p_offset < CONVERGED_SIGMA_S**2
+        return self._known
 
     def companion_ns(self, boot_ns: int) -> int | None:
         """The companion's time at the peer's `boot_ns`, None before convergence."""

@@ -145,3 +145,17 @@ def test_the_stated_error_is_that_of_the_offset() -> None:
         assert error is not None
         ratios.append(error / peer.clock.quality.offset_sigma_s)
     assert 0.3 < np.sqrt(np.mean(np.square(ratios))) < 1.5
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_slow_and_uneven_link_still_gives_one_clock_and_keeps_it(seed: int) -> None:
+    """Each way 0 to 200 ms, as a bad radio: the mapping comes within seconds, stays, and beats the arrival by far."""
+    peer = Peer(rate=1.0, seed=seed)
+    errors = []
+    for _ in range(300):
+        there_s, back_s = peer.rng.uniform(0.0, 0.2, 2)
+        peer.exchange(there_s=float(there_s), back_s=float(back_s))
+        errors.append(peer.error_s())
+    known = [error for error in errors[20:] if error is not None]
+    assert len(known) == len(errors) - 20
+    assert np.sqrt(np.mean(np.square(known))) < 0.02
