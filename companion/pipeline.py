@@ -129,6 +129,7 @@ class Pipeline:
                 return self._on_tick(message.t_ns)
             case VehicleState():
                 self._tracker.add_vehicle_state(message)
+                return [*self._tracker.observe_waiting()]
             case RangeMeasurement():
                 self._situation.add_range(message)
                 return self._observe(message)

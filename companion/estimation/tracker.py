@@ -40,6 +40,10 @@ RECENT_NS = 100_000_000
 SEEN_S = 0.2
 """While vision is younger than this the range sensor adds nothing to the height that vision gives; a bearing gives none."""
 
+CONTINUED_NS = 30_000_000
+"""How far ahead of the vehicle's last state a sight is fused: a period and a half of 50 Hz. Where the link is slower than
+the camera, a sight waits for the state of its time: an attitude continued over 0.15 s is off by degrees in a manoeuvre."""
+
 PadSight = PadObservation | PadBearing | PadBeacon | RangeMeasurement
 SOURCES: dict[type, ObservationSource] = {
     PadObservation: ObservationSource.VISION_POSE,
@@ -64,6 +68,7 @@ class PadTracker:
         self._estimator = estimator
         self._recent: PadEstimate | None = None
         self._sees_bearings = False
+        self._waiting: list[PadSight] = []
         self.history = VehicleHistory(config.history_s)
 
     def add_vehicle_state(self, state: VehicleState) -> VehicleReset | None:
@@ -74,8 +79,31 @@ class PadTracker:
         return reset
 
     def observe(self, message: PadSight) -> MeasurementVerdict | None:
-        """Fuse one message at the time it was true. None where there is nothing to judge (no reading, not over the pad)."""
+        """Fuse one message at the time it was true.
+
+        None where there is nothing to judge (no reading, not over the pad), or not yet: the vehicle's state of that time
+        is still on its way, and `observe_waiting` says more.
+        """
         vehicle = self.history.at(message.t_ns)
+        if vehicle is not None and self._is_early(message):
+            self._waiting.append(message)
+            return None
+        return self._fuse(message, vehicle)
+
+    def observe_waiting(self) -> list[MeasurementVerdict]:
+        """Fuse what waited for the vehicle's state and need not wait any more."""
+        if not self._waiting:
+            return []
+        due = [message for message in self._waiting if not self._is_early(message)]
+        self._waiting = [message for message in self._waiting if self._is_early(message)]
+        verdicts = (self._fuse(message, self.history.at(message.t_ns)) for message in due)
+        return [verdict for verdict in verdicts if verdict is not None]
+
+    def _is_early(self, message: PadSight) -> bool:
+        vehicle = self.history.latest
+        return vehicle is not None and message.t_ns > vehicle.t_ns + CONTINUED_NS
+
+    def _fuse(self, message: PadSight, vehicle: VehiclePose | None) -> MeasurementVerdict | None:
         if vehicle is None:
             return _refused(message, "no vehicle state at that time")
         if isinstance(message, RangeMeasurement):

@@ -169,3 +169,33 @@ def test_both_readings_of_an_ambiguous_picture_reach_the_track() -> None:
     estimate = result.estimate(round(0.98e9))
     assert estimate is not None
     assert (estimate.roll_rad, estimate.pitch_rad) == pytest.approx((0.0, 0.0), abs=1e-6)
+
+
+def test_a_sight_waits_for_the_vehicles_state_of_its_time() -> None:
+    """On a slow link the frame comes first. Fused with an attitude continued from 0.2 s ago, a vehicle that has begun to
+    roll would see the pad aside; fused with the state of its time, when that has come, it does not."""
+    result = flown(2.0)
+    seen_s = 1.98 + 0.2
+    rolled = quaternion_from_euler(math.radians(20.0), 0.0, 0.0)
+    ahead_in_level_frame = (0.0, -1.0, 4.5)
+    roll_rad = math.radians(20.0)
+    _, y, z = ahead_in_level_frame
+    sideways = (z * -math.sin(-roll_rad), y, z * math.cos(roll_rad))  # camera x is body right; level: right 0, down 4.5
+    message = PadObservation(round(seen_s * 1e9), "down", "test", sideways, NOISE)
+    assert result.observe(message) is None
+    assert result.observe_waiting() == []
+    for k in range(100, 112):
+        state = vehicle(0.02 * k)
+        result.add_vehicle_state(replace(state, q_ned_frd=rolled) if k >= 105 else state)
+        verdicts = result.observe_waiting()
+        if verdicts:
+            break
+    assert [verdict.accepted for verdict in verdicts] == [True]
+    assert relative(result) == pytest.approx((1.0, 0.0, 4.5), abs=0.03)
+    assert result.observe_waiting() == []
+
+
+def test_a_sight_far_ahead_of_a_silent_link_is_refused_at_once() -> None:
+    verdict = flown(2.0).observe(sight(1.98 + 0.4))
+    assert verdict is not None
+    assert verdict.reason == "no vehicle state at that time"
