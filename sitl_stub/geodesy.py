@@ -4,8 +4,36 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from math import asin, atan2, cos, degrees, radians, sin, sqrt
+from typing import NamedTuple
+
+from sitl_stub.compiled import used_by_kernels
 
 EARTH_RADIUS_M = 6371000.0
+
+
+class OriginNumbers(NamedTuple):
+    """Where W lies, as `to_global` and kernels take it; sine and cosine are of the latitude."""
+
+    latitude_deg: float
+    longitude_deg: float
+    altitude_m: float
+    sine: float
+    cosine: float
+
+
+@used_by_kernels
+def to_global(origin: OriginNumbers, north_m: float, east_m: float) -> tuple[float, float]:
+    """Latitude and longitude in degrees."""
+    c = sqrt(north_m * north_m + east_m * east_m) / EARTH_RADIUS_M
+    if c == 0.0:
+        return origin.latitude_deg, origin.longitude_deg
+    sine, cosine, sin_c, cos_c = origin.sine, origin.cosine, sin(c), cos(c)
+    x, y = north_m / EARTH_RADIUS_M, east_m / EARTH_RADIUS_M
+    lat = asin(cos_c * sine + x * sin_c * cosine / c)
+    across = c * cosine * cos_c - x * sine * sin_c
+    lon = radians(origin.longitude_deg) + atan2(y * sin_c, across)
+    return degrees(lat), degrees(lon)
 
 
 @dataclass(frozen=True, slots=True)
@@ -15,31 +43,22 @@ class Origin:
     latitude_deg: float
     longitude_deg: float
     altitude_m: float
-    _latitude_rad: float = field(init=False, repr=False, compare=False)
-    _sine: float = field(init=False, repr=False, compare=False)
-    _cosine: float = field(init=False, repr=False, compare=False)
+    numbers: OriginNumbers = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         latitude_rad = math.radians(self.latitude_deg)
-        object.__setattr__(self, "_latitude_rad", latitude_rad)
-        object.__setattr__(self, "_sine", math.sin(latitude_rad))
-        object.__setattr__(self, "_cosine", math.cos(latitude_rad))
+        numbers = OriginNumbers(
+            self.latitude_deg, self.longitude_deg, self.altitude_m, math.sin(latitude_rad), math.cos(latitude_rad)
+        )
+        object.__setattr__(self, "numbers", numbers)
 
     def to_global(self, north_m: float, east_m: float) -> tuple[float, float]:
         """Latitude and longitude in degrees."""
-        c = math.hypot(north_m, east_m) / EARTH_RADIUS_M
-        if c == 0.0:
-            return self.latitude_deg, self.longitude_deg
-        sine, cosine, sin_c, cos_c = self._sine, self._cosine, math.sin(c), math.cos(c)
-        x, y = north_m / EARTH_RADIUS_M, east_m / EARTH_RADIUS_M
-        lat = math.asin(cos_c * sine + x * sin_c * cosine / c)
-        across = c * cosine * cos_c - x * sine * sin_c
-        lon = math.radians(self.longitude_deg) + math.atan2(y * sin_c, across)
-        return math.degrees(lat), math.degrees(lon)
+        return to_global(self.numbers, north_m, east_m)
 
     def to_local(self, latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
         """North and east in m."""
-        lat, lat0 = math.radians(latitude_deg), self._latitude_rad
+        lat, lat0 = math.radians(latitude_deg), math.radians(self.latitude_deg)
         turn = math.radians(longitude_deg - self.longitude_deg)
         cos_c = math.sin(lat0) * math.sin(lat) + math.cos(lat0) * math.cos(lat) * math.cos(turn)
         c = math.acos(min(max(cos_c, -1.0), 1.0))

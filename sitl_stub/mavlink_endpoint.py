@@ -93,11 +93,25 @@ class MavlinkEndpoint:
     def links(self) -> dict[str, Link]:
         return self._links
 
+    @property
+    def active_links(self) -> list[Link]:
+        """Those that send."""
+        return self._active
+
+    @property
+    def sends_streams_only(self) -> bool:
+        """Nothing waits to be sent but streams, and none is signed."""
+        if self.next_due_us == 0:
+            return False
+        return not any(link.out or link.signing.is_active for link in self._links.values())
+
     def silence(self, link_name: str) -> None:
         """Send nothing on a link from now on; what comes in on it is still taken."""
         self._links[link_name].enabled = False
+        for link in self._active:
+            link.own_timetable()
         self._active = [link for link in self._links.values() if link.enabled]
-        self._look_ahead()
+        self.look_ahead()
 
     @property
     def ground_station_seen_us(self) -> int | None:
@@ -119,7 +133,7 @@ class MavlinkEndpoint:
         """Whether `step` has anything to send."""
         return self.next_due_us <= t_us
 
-    def _look_ahead(self) -> None:
+    def look_ahead(self) -> None:
         """Note when `step` has something to send, at the earliest."""
         if self._listings or not self._origin_sent:
             self.next_due_us = 0
@@ -138,7 +152,7 @@ class MavlinkEndpoint:
         if not self._origin_sent and self._telemetry.home.is_set:
             self._origin_sent = True
             self._send_everywhere(mav.GPS_GLOBAL_ORIGIN)
-        self._look_ahead()
+        self.look_ahead()
 
     def _send_everywhere(self, message_type: MessageType) -> None:
         self._telemetry.complete()
@@ -225,7 +239,7 @@ class MavlinkEndpoint:
         for frame in link.reader.read(data):
             link.messages_received += 1
             self._take(link, frame)
-        self._look_ahead()
+        self.look_ahead()
 
     def _take(self, link: Link, frame: Frame) -> None:
         if (frame.system_id, frame.component_id) == (SYSTEM_ID, COMPONENT_ID) or not link.signing.accepts(frame):

@@ -247,16 +247,22 @@ class Multirotor:
         return truth_of(self.state, self.acceleration_ned_m_s2, self.on_surface)
 
 
-def truth_of(state: BodyState, acceleration_ned_m_s2: Vec3, on_surface: bool) -> VehicleTruth:
-    """The state, and what an accelerometer reads when the vehicle accelerates so."""
-    px, py, pz, vx, vy, vz, w, x, y, z, p, q, r, _, _, _, _ = state
+@used_by_kernels
+def specific_force(q_ned_frd: Quaternion, acceleration_ned_m_s2: Vec3) -> Vec3:
+    """Acceleration without gravity, turned into B (conjugate of q_WB)."""
+    w, x, y, z = q_ned_frd
     ax, ay, az = acceleration_ned_m_s2
-    # Specific force: acceleration without gravity, turned into B (conjugate of q_WB).
     gz = az - GRAVITY_M_S2
     tx, ty, tz = 2.0 * (z * ay - y * gz), 2.0 * (x * gz - z * ax), 2.0 * (y * ax - x * ay)
-    force = (
+    return (
         ax + w * tx - y * tz + z * ty,
         ay + w * ty - z * tx + x * tz,
         gz + w * tz - x * ty + y * tx,
     )
+
+
+def truth_of(state: BodyState, acceleration_ned_m_s2: Vec3, on_surface: bool) -> VehicleTruth:
+    """The state, and what an accelerometer reads when the vehicle accelerates so."""
+    px, py, pz, vx, vy, vz, w, x, y, z, p, q, r, _, _, _, _ = state
+    force = specific_force((w, x, y, z), acceleration_ned_m_s2)
     return VehicleTruth((px, py, pz), (vx, vy, vz), (w, x, y, z), (p, q, r), force, acceleration_ned_m_s2, on_surface)

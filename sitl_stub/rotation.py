@@ -84,6 +84,7 @@ def from_euler(roll_rad: float, pitch_rad: float, yaw_rad: float) -> Quaternion:
     )
 
 
+@used_by_kernels
 def roll_pitch_yaw(q: Quaternion) -> Vec3:
     """(roll, pitch, yaw), pitch clipped at +-pi/2."""
     w, x, y, z = q

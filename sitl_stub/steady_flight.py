@@ -8,6 +8,7 @@ the vehicle's; `Multirotor`, `Estimator` and `Cascade` show it when somebody may
 
 from __future__ import annotations
 
+from math import nan
 from typing import Any, NamedTuple
 
 from sitl_stub.autopilot.attitude_control import AttitudeGains
@@ -22,6 +23,8 @@ from sitl_stub.autopilot.rate_control import RateGains
 from sitl_stub.autopilot.steady_control import SIZE as CONTROL_SIZE
 from sitl_stub.autopilot.steady_control import STEP_S, Asked, LoopConstants, control
 from sitl_stub.compiled import COMPILED, compiled, room, used_by_kernels
+from sitl_stub.datagram_faults import Datagram
+from sitl_stub.message_burst import MessageBurst
 from sitl_stub.multirotor import Body, BodyState, Loads, Motors, Multirotor, advance, truth_of
 from sitl_stub.rotation import Vec3
 
@@ -218,7 +221,10 @@ class SteadyFlight:
         self._pending: tuple[int, float | None, Any, Any, Asked] = (0, None, None, None, self._asked)
         self._seen: object = None
         self._reasons: object = None
+        self._burst: MessageBurst | None = None
+        self._slow_is_known = False
         if COMPILED:
+            self._burst = MessageBurst(autopilot.telemetry, autopilot.endpoint, self._rows, MOST_STEPS)
             self._warm_up()
 
     def _warm_up(self) -> None:
@@ -267,6 +273,7 @@ class SteadyFlight:
         self._ask(autopilot.asked())
         self._seen = autopilot.disturbances()
         self._is_in, self._is_shown, self._is_estimated, self._calm_until_us = True, True, False, 0
+        self._slow_is_known = False
         return True
 
     def _ask(self, asked: Asked) -> None:
@@ -292,7 +299,7 @@ class SteadyFlight:
 
     def look_again(self, t_us: int) -> None:
         """Something was received: its setpoint is flown, and more than a setpoint is decided about or ends the steady flight."""
-        self._task_waits = False
+        self._task_waits = self._slow_is_known = False
         if not self._is_in:
             return
         autopilot = self._autopilot
@@ -342,6 +349,54 @@ class SteadyFlight:
         due_us = self._autopilot.next_message_us()
         return t_us if due_us <= t_us else t_us - (t_us - due_us) // STEP_US * STEP_US
 
+    def send_many(self, t_us: int, last_us: int, range_m: float | None) -> tuple[int, list[Datagram], list[Datagram]]:
+        """Messages of the steps from t_us to last_us, as far as they can be made together.
+
+        Gives the first step that is left and has a message to send (or the last one), and the datagrams of the steps before
+        the last one, and of that. Nothing is left where that time lies beyond the last step.
+        """
+        burst, autopilot = self._burst, self._autopilot
+        if burst is None or not autopilot.endpoint.sends_streams_only:
+            return min(self.next_message_step_us(t_us), last_us), [], []
+        if autopilot.next_message_us() > last_us:
+            return last_us + STEP_US, [], []
+        if not self._slow_is_known:
+            burst.set_slow(self._slow())
+            self._slow_is_known = True
+        first, last = (t_us - self._from_us) // STEP_US, (last_us - self._from_us) // STEP_US
+        stopped_at, at, before, held = burst.send(self._from_us, first, last, nan if range_m is None else range_m)
+        if at >= 0:
+            row_b, row_k = self._rows[0][at].copy(), self._rows[2][at].copy()
+            self._pending = (self._from_us + at * STEP_US, range_m, row_b, row_k, self._asked)
+            autopilot.telemetry.pending = self._complete
+        return self._from_us + stopped_at * STEP_US, before, held
+
+    def _slow(self) -> list[float]:
+        """What messages say besides the state, as burst_kernel.py takes it."""
+        autopilot, t = self._autopilot, self._autopilot.telemetry
+        c, home, asked = autopilot.commander, autopilot.home, self._asked.motion
+        has_global = autopilot.estimator.estimate.has_position and c.health.is_ready
+        values = (
+            *t.origin.numbers,
+            home.is_set,
+            home.altitude_amsl_m,
+            has_global,
+            autopilot.estimator.gnss_available,
+            c.armed,
+            c.armed or c.can_arm_now,
+            autopilot.landed_state,
+            autopilot.has_target,
+            t.imu_noise_scale if c.armed else 0.0,
+            autopilot.estimate_resets,
+            *autopilot.battery.drain,
+            autopilot.battery_full_since_us,
+            t.has_range_sensor,
+            asked.x,
+            asked.y,
+            asked.z,
+        )
+        return [float(value) for value in values]
+
     def send(self, t_us: int, range_m: float | None) -> None:
         """Messages of the step at t_us of the last flight, if any are due."""
         autopilot = self._autopilot
@@ -372,6 +427,7 @@ class SteadyFlight:
         autopilot.cascade.hover_thrust_estimator.state = HoverState(*(float(value) for value in self._k[35:42]))
         dt_s = float(self._k[52]) * 1e-6
         self._k[52] = 0.0
+        self._slow_is_known = False
         if t_us < self._calm_until_us and not self._task_waits:
             autopilot.decide_task(t_us, dt_s)
             if not autopilot.stays_calm(self._reasons, t_us):

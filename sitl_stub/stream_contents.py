@@ -7,25 +7,18 @@ One function a message: telemetry in, payload bytes out, or None when PX4 has no
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import atan2, cos, degrees, hypot, isfinite, nan, sin
+from math import atan2, cos, hypot, isfinite, nan, sin
 from struct import Struct
 
+from sitl_stub import stream_values as values_of
 from sitl_stub.autopilot.events import Notice, event_id
 from sitl_stub.mavlink import definitions as mav
-from sitl_stub.rotation import roll_pitch_yaw, yaw_of
+from sitl_stub.stream_values import IMU_NUMBERS, MOTOR_OFF_US, HomeAltitude, clip16, heading_cdeg
 from sitl_stub.telemetry import Telemetry
 
 Content = Callable[[Telemetry], bytes | None]
 
 CONTENTS: dict[int, Content] = {}
-
-_SENSORS_PRESENT = 0x300402F
-_SENSORS_ENABLED = 0x301402F
-_SENSORS_HEALTH = 0x320C83F
-_HEALTH_PREARM = 0x10000000
-_HEALTH_GPS = 0x20
-_MOTOR_OFF_US = 900
-_INVALID_RANGE_CM = 65535
 
 
 def _streams(message_type: mav.MessageType) -> Callable[[Content], Content]:
@@ -36,16 +29,12 @@ def _streams(message_type: mav.MessageType) -> Callable[[Content], Content]:
     return register
 
 
-def _heading_cdeg(yaw_rad: float) -> int:
-    return int(degrees(yaw_rad) % 360.0 * 100.0) % 36000
-
-
 def _altitude_m(t: Telemetry) -> float:
     return t.origin.altitude_m - t.estimate.position_ned_m[2]
 
 
-def _clip16(value: float) -> int:
-    return int(max(-32768.0, min(32767.0, value)))
+def _home_altitude(t: Telemetry) -> HomeAltitude:
+    return HomeAltitude(t.home.is_set, t.home.altitude_amsl_m)
 
 
 _heartbeat = mav.HEARTBEAT.struct.pack
@@ -64,14 +53,9 @@ def heartbeat(t: Telemetry) -> bytes:
 
 @_streams(mav.SYS_STATUS)
 def sys_status(t: Telemetry) -> bytes:
-    health = _SENSORS_HEALTH | (_HEALTH_PREARM if t.commander.can_arm_now or t.commander.armed else 0)
-    if not t.has_gps:
-        health &= ~_HEALTH_GPS
-    millivolts = round(t.battery.voltage_v * 1000.0)
-    percent = round(t.battery.charge * 100.0)
-    return mav.SYS_STATUS.struct.pack(
-        _SENSORS_PRESENT, _SENSORS_ENABLED, health, 140, millivolts, -100, 0, 0, 0, 0, 0, 0, percent, 0, 0, 1
-    )
+    c, b = t.commander, t.battery
+    *head, percent = values_of.sys_status(c.can_arm_now or c.armed, t.has_gps, b.charge, b.voltage_v)
+    return mav.SYS_STATUS.struct.pack(*head, 0, 0, 0, 0, 0, 0, percent, 0, 0, 1)
 
 
 @_streams(mav.SYSTEM_TIME)
@@ -81,43 +65,20 @@ def system_time(t: Telemetry) -> bytes:
 
 @_streams(mav.GPS_RAW_INT)
 def gps_raw_int(t: Telemetry) -> bytes:
-    latitude, longitude = t.origin.to_global(t.estimate.position_ned_m[0], t.estimate.position_ned_m[1])
-    altitude_mm = round(_altitude_m(t) * 1000.0)
-    vx, vy, _ = t.estimate.velocity_ned_m_s
-    fix, satellites = (3, 10) if t.has_gps else (0, 0)
-    return mav.GPS_RAW_INT.struct.pack(
-        t.t_us,
-        round(latitude * 1e7),
-        round(longitude * 1e7),
-        altitude_mm,
-        70,
-        110,
-        round(hypot(vx, vy) * 100.0),
-        _heading_cdeg(atan2(vy, vx)),
-        fix,
-        satellites,
-        altitude_mm,
-        900,
-        1780,
-        400,
-        0,
-        0,
-    )
+    e = t.estimate
+    head = values_of.gps_raw(t.t_us, e.position_ned_m, e.velocity_ned_m_s, t.origin.numbers, t.has_gps)
+    return mav.GPS_RAW_INT.struct.pack(*head, head[3], 900, 1780, 400, 0, 0)
 
 
 @_streams(mav.SCALED_PRESSURE)
 def scaled_pressure(t: Telemetry) -> bytes:
-    return mav.SCALED_PRESSURE.struct.pack(t.boot_ms, _pressure_hpa(t), 0.0, 1182, 0)
-
-
-def _pressure_hpa(t: Telemetry) -> float:
-    return 1013.25 * float((1.0 - 2.25577e-5 * _altitude_m(t)) ** 5.25588)
+    return mav.SCALED_PRESSURE.struct.pack(t.boot_ms, values_of.pressure_hpa(_altitude_m(t)), 0.0, 1182, 0)
 
 
 @_streams(mav.ATTITUDE)
 def attitude(t: Telemetry) -> bytes:
     e = t.estimate
-    return _attitude(e.t_us // 1000, *roll_pitch_yaw(e.q_ned_frd), *e.angular_velocity_frd_rad_s)
+    return _attitude(*values_of.attitude(e.t_us, e.q_ned_frd, e.angular_velocity_frd_rad_s))
 
 
 @_streams(mav.ATTITUDE_QUATERNION)
@@ -134,33 +95,19 @@ def local_position_ned(t: Telemetry) -> bytes:
 
 @_streams(mav.GLOBAL_POSITION_INT)
 def global_position_int(t: Telemetry) -> bytes | None:
-    if not t.estimate.has_position or not t.commander.health.is_ready:
+    e, home = t.estimate, _home_altitude(t)
+    if not e.has_position or not t.commander.health.is_ready:
         return None
-    e = t.estimate
-    latitude, longitude = t.origin.to_global(e.position_ned_m[0], e.position_ned_m[1])
-    altitude = _altitude_m(t)
-    vx, vy, vz = e.velocity_ned_m_s
     return _global_position(
-        e.t_us // 1000,
-        round(latitude * 1e7),
-        round(longitude * 1e7),
-        round(altitude * 1000.0),
-        round((altitude - t.home.altitude_amsl_m) * 1000.0) if t.home.is_set else 0,
-        _clip16(vx * 100.0),
-        _clip16(vy * 100.0),
-        _clip16(vz * 100.0),
-        _heading_cdeg(e.yaw_rad),
+        *values_of.global_position(e.t_us, e.position_ned_m, e.velocity_ned_m_s, e.yaw_rad, t.origin.numbers, home)
     )
 
 
 @_streams(mav.SERVO_OUTPUT_RAW)
 def servo_output_raw(t: Telemetry) -> bytes:
-    if t.commander.armed:
-        motors = [round(1000.0 + 1000.0 * max(0.0, min(1.0, u))) for u in t.motors]
-    else:
-        motors = [_MOTOR_OFF_US] * 4
+    motors = [values_of.motor_us(u, t.commander.armed) for u in t.motors]
     return mav.SERVO_OUTPUT_RAW.struct.pack(
-        t.t_us & 0xFFFFFFFF, *motors, *([_MOTOR_OFF_US] * 4), 0, *([_MOTOR_OFF_US] * 8)
+        t.t_us & 0xFFFFFFFF, *motors, *([MOTOR_OFF_US] * 4), 0, *([MOTOR_OFF_US] * 8)
     )
 
 
@@ -179,10 +126,10 @@ def gps_global_origin(t: Telemetry) -> bytes:
 
 @_streams(mav.VFR_HUD)
 def vfr_hud(t: Telemetry) -> bytes:
-    vx, vy, vz = t.estimate.velocity_ned_m_s
-    heading = int(degrees(t.estimate.yaw_rad) % 360.0)
-    throttle = int(100.0 * t.thrust) if t.commander.armed else 0
-    return mav.VFR_HUD.struct.pack(nan, hypot(vx, vy), _altitude_m(t), -vz, heading, max(0, min(100, throttle)))
+    e = t.estimate
+    return mav.VFR_HUD.struct.pack(
+        *values_of.vfr_hud(e.velocity_ned_m_s, _altitude_m(t), e.yaw_rad, t.thrust, t.commander.armed)
+    )
 
 
 @_streams(mav.ATTITUDE_TARGET)
@@ -193,11 +140,11 @@ def attitude_target(t: Telemetry) -> bytes:
 @_streams(mav.POSITION_TARGET_LOCAL_NED)
 def position_target_local_ned(t: Telemetry) -> bytes:
     sp = t.position_setpoint
-    values = (*sp.position_ned_m, *sp.velocity_ned_m_s, *sp.acceleration_ned_m_s2)
-    mask = sum(1 << bit for bit, value in enumerate(values) if not isfinite(value))
-    yaw_rate = sp.yaw_rate_rad_s if isfinite(sp.yaw_rate_rad_s) else 0.0
-    yaw = sp.yaw_rad if isfinite(sp.yaw_rad) else yaw_of(t.attitude_setpoint)
-    return mav.POSITION_TARGET_LOCAL_NED.struct.pack(t.boot_ms, *values, yaw, yaw_rate, mask, 1)
+    asked = (sp.position_ned_m, sp.velocity_ned_m_s, sp.acceleration_ned_m_s2)
+    yaw = values_of.target_yaw(sp.yaw_rad, t.attitude_setpoint)
+    yaw_rate = values_of.zero_if_unset(sp.yaw_rate_rad_s)
+    mask = values_of.ignored_mask(*asked)
+    return mav.POSITION_TARGET_LOCAL_NED.struct.pack(t.boot_ms, *asked[0], *asked[1], *asked[2], yaw, yaw_rate, mask, 1)
 
 
 @_streams(mav.POSITION_TARGET_GLOBAL_INT)
@@ -206,17 +153,12 @@ def position_target_global_int(t: Telemetry) -> bytes | None:
     sp = t.position_setpoint
     if not t.has_target or not isfinite(sp.position_ned_m[0] + sp.position_ned_m[2]):
         return None
-    latitude, longitude = t.origin.to_global(sp.position_ned_m[0], sp.position_ned_m[1])
-    altitude = t.origin.altitude_m - sp.position_ned_m[2]
-    yaw = sp.yaw_rad if isfinite(sp.yaw_rad) else 0.0
     return mav.POSITION_TARGET_GLOBAL_INT.struct.pack(
         t.boot_ms,
-        round(latitude * 1e7),
-        round(longitude * 1e7),
-        altitude,
+        *values_of.global_target(sp.position_ned_m, t.origin.numbers),
         *sp.velocity_ned_m_s,
         *sp.acceleration_ned_m_s2,
-        yaw,
+        values_of.zero_if_unset(sp.yaw_rad),
         sp.yaw_rate_rad_s,
         0,
         5,
@@ -227,21 +169,22 @@ def position_target_global_int(t: Telemetry) -> bytes | None:
 def highres_imu(t: Telemetry) -> bytes | None:
     if t.truth is None:
         return None
-    ax, ay, az = t.truth.specific_force_frd_m_s2
-    p, q, r = t.truth.angular_velocity_frd_rad_s
+    (ax, ay, az), (p, q, r) = t.truth.specific_force_frd_m_s2, t.truth.angular_velocity_frd_rad_s
     if t.imu_noise_scale > 0.0 and t.commander.armed:
-        k, normal = t.imu_noise_scale, t.imu_noise.next
-        ax, ay, az = ax + 0.5 * k * normal(), ay + 1.7 * k * normal(), az + 1.4 * k * normal()
-        p, q, r = p + 0.14 * k * normal(), q + 0.07 * k * normal(), r + 0.03 * k * normal()
-    pressure = _pressure_hpa(t)
-    return _highres_imu(t.t_us, ax, ay, az, p, q, r, 0.224, -0.005, 0.418, pressure, 0.0, _altitude_m(t), 15.0, 63, 0)
+        t.imu_noise.reserve(IMU_NUMBERS)
+        force, rates = values_of.imu_noise(t.imu_noise_scale, t.imu_noise.numbers, t.imu_noise.at)
+        t.imu_noise.at += IMU_NUMBERS
+        ax, ay, az, p, q, r = ax + force[0], ay + force[1], az + force[2], p + rates[0], q + rates[1], r + rates[2]
+    amsl = _altitude_m(t)
+    pressure = values_of.pressure_hpa(amsl)
+    return _highres_imu(t.t_us, ax, ay, az, p, q, r, 0.224, -0.005, 0.418, pressure, 0.0, amsl, 15.0, 63, 0)
 
 
 @_streams(mav.DISTANCE_SENSOR)
 def distance_sensor(t: Telemetry) -> bytes | None:
     if not t.has_range_sensor:
         return None
-    distance_cm = _INVALID_RANGE_CM if t.range_m is None else min(round(t.range_m * 100.0), _INVALID_RANGE_CM)
+    distance_cm = values_of.distance_cm(nan if t.range_m is None else t.range_m)
     return mav.DISTANCE_SENSOR.struct.pack(
         t.boot_ms, 0, 10000, distance_cm, 0, 0, 25, 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0
     )
@@ -249,13 +192,16 @@ def distance_sensor(t: Telemetry) -> bytes | None:
 
 @_streams(mav.ALTITUDE)
 def altitude(t: Telemetry) -> bytes:
-    amsl = _altitude_m(t)
-    local = -t.estimate.position_ned_m[2]
-    relative = amsl - t.home.altitude_amsl_m if t.home.is_set else nan
     clearance = t.estimate.height_above_bottom_m
-    bottom = nan if clearance is None else clearance
-    terrain = local - bottom if isfinite(bottom) else nan
-    return mav.ALTITUDE.struct.pack(t.t_us, amsl + 0.75, amsl, local, relative, terrain, bottom)
+    return mav.ALTITUDE.struct.pack(
+        *values_of.altitude(
+            t.t_us,
+            _altitude_m(t),
+            t.estimate.position_ned_m[2],
+            _home_altitude(t),
+            nan if clearance is None else clearance,
+        )
+    )
 
 
 _CELL_UNUSED = (65535,) * 9
@@ -394,9 +340,9 @@ def open_drone_id_location(t: Telemetry) -> bytes:
         float(round(altitude_m)),
         height,
         65535.0,
-        _heading_cdeg(atan2(vy, vx)),
+        heading_cdeg(atan2(vy, vx)),
         min(round(hypot(vx, vy) * 100.0), 25425),
-        _clip16(-vz * 100.0),
+        clip16(-vz * 100.0),
         0,
         0,
         bytes(20),
@@ -440,7 +386,7 @@ def hil_state_quaternion(t: Telemetry) -> bytes | None:
         return None
     latitude, longitude = t.origin.to_global(truth.position_ned_m[0], truth.position_ned_m[1])
     vx, vy, vz = truth.velocity_ned_m_s
-    mg = [_clip16(a / 9.80665 * 1000.0) for a in truth.specific_force_frd_m_s2]
+    mg = [clip16(a / 9.80665 * 1000.0) for a in truth.specific_force_frd_m_s2]
     return mav.HIL_STATE_QUATERNION.struct.pack(
         0,
         *truth.q_ned_frd,
@@ -448,9 +394,9 @@ def hil_state_quaternion(t: Telemetry) -> bytes | None:
         round(latitude * 1e7),
         round(longitude * 1e7),
         round((t.origin.altitude_m - truth.position_ned_m[2]) * 1000.0),
-        _clip16(vx * 100.0),
-        _clip16(vy * 100.0),
-        _clip16(vz * 100.0),
+        clip16(vx * 100.0),
+        clip16(vy * 100.0),
+        clip16(vz * 100.0),
         0,
         0,
         *mg,

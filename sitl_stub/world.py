@@ -169,9 +169,11 @@ class World:
                 self._finish_step(output)
         return output
 
-    def _finish_step(self, output: StepOutput) -> None:
+    def _finish_step(self, output: StepOutput, held: Sequence[Datagram] = ()) -> None:
+        """What is due; then the vehicle's datagrams, those held back first."""
         if self.t_us >= self._next_due_us:
             self._do_what_is_due(output)
+        output.datagrams += held
         self._give_out(self.autopilot.datagrams(), output)
 
     def _take_in(self, datagram: Datagram) -> None:
@@ -253,16 +255,21 @@ class World:
     def _end_steady_steps(self, t_us: int, done: int, range_m: float | None, output: StepOutput) -> None:
         """Messages of the steps made since t_us, and what is due at the end of the last one."""
         steady, last_us, is_clear = self._steady, t_us + (done - 1) * STEP_US, self._from_vehicle.is_clear()
-        at_us = steady.next_message_step_us(t_us) if is_clear else t_us
-        while at_us < last_us:
+        at_us, held = t_us, list[Datagram]()
+        while True:
+            if is_clear:
+                at_us, sent, held = steady.send_many(at_us, last_us, range_m)
+                output.datagrams += sent
+            if at_us >= last_us:
+                break
             steady.send(at_us, range_m)
-            self.t_us = at_us + STEP_US
+            self.t_us = at_us = at_us + STEP_US
             self._give_out(self.autopilot.datagrams(), output)
-            at_us = steady.next_message_step_us(self.t_us) if is_clear else self.t_us
-        steady.send(last_us, range_m)
+        if at_us == last_us:
+            steady.send(last_us, range_m)
         self.t_us = last_us + STEP_US
         self._judge.free(self.t_us * 1e-6, motors_run=True)
-        self._finish_step(output)
+        self._finish_step(output, held)
 
     def _is_clear(self, t_us: int) -> bool:
         """Whether nothing can touch during the coming step; looks ahead as far as the distance allows."""

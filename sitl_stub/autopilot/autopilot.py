@@ -607,7 +607,23 @@ class Autopilot:
 
     # Telemetry ----------------------------------------------------------------------------------------------------
 
-    def _landed_state(self) -> int:
+    @property
+    def has_target(self) -> bool:
+        """An automatic mode has somewhere to go."""
+        return self._target is not None and self._target.kind is not TargetKind.IDLE
+
+    @property
+    def estimate_resets(self) -> int:
+        return sum(self._resets_seen) + self.estimator.estimate.yaw_resets
+
+    @property
+    def battery_full_since_us(self) -> int:
+        """While armed: when the drain began, as far as decisions have gone."""
+        return self._drained_us - self.battery.armed_us
+
+    @property
+    def landed_state(self) -> int:
+        """EXTENDED_SYS_STATE.landed_state."""
         if self.land_detector.landed:
             return ON_GROUND
         if self._target is None:
@@ -621,14 +637,14 @@ class Autopilot:
         t.truth = truth
         t.range_m = range_m
         t.motors = motors
-        t.landed_state = self._landed_state()
+        t.landed_state = self.landed_state
         t.attitude_setpoint = cascade.attitude_setpoint
         t.rates_setpoint = cascade.rates_setpoint_frd_rad_s
         t.thrust = cascade.thrust_setpoint
         t.position_setpoint = cascade.position_setpoint
-        t.has_target = self._target is not None and self._target.kind is not TargetKind.IDLE
+        t.has_target = self.has_target
         t.has_gps = self.estimator.gnss_available
-        t.estimate_resets = sum(self._resets_seen) + self.estimator.estimate.yaw_resets
+        t.estimate_resets = self.estimate_resets
 
 
 _ROUTES: dict[NavState, Callable[[Autopilot], Route]] = {

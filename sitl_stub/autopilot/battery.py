@@ -5,11 +5,36 @@ A scenario may set the charge itself to fly PX4's low-battery actions. Called by
 
 from __future__ import annotations
 
+from math import nan
+from typing import NamedTuple
+
 from sitl_stub.autopilot.parameters import Parameters
+from sitl_stub.compiled import used_by_kernels
 
 _FULL_CELL_V = 4.05
 _EMPTY_CELL_V = 3.6
 _CELLS = 4
+
+
+class Drain(NamedTuple):
+    """How the charge falls: time from full to nothing (0: never), the lowest charge, and the one set from outside (NaN: none)."""
+
+    drain_s: float
+    floor: float
+    forced: float
+
+
+@used_by_kernels
+def charge_after(armed_us: float, drain: Drain) -> float:
+    """Charge, 0 to 1, after so long armed."""
+    if drain.forced == drain.forced:
+        return drain.forced
+    return 1.0 if drain.drain_s <= 0.0 else max(1.0 - armed_us * 1e-6 / drain.drain_s, drain.floor)
+
+
+@used_by_kernels
+def voltage_of(charge: float) -> float:
+    return _CELLS * (_EMPTY_CELL_V + (_FULL_CELL_V - _EMPTY_CELL_V) * charge)
 
 
 class Battery:
@@ -39,18 +64,22 @@ class Battery:
         )
 
     @property
+    def drain(self) -> Drain:
+        get = self._parameters.get
+        forced = nan if self._forced is None else self._forced
+        return Drain(get("SIM_BAT_DRAIN"), get("SIM_BAT_MIN_PCT") / 100.0, forced)
+
+    @property
+    def armed_us(self) -> int:
+        return self._armed_us
+
+    @property
     def charge(self) -> float:
-        if self._forced is not None:
-            return self._forced
-        drain_s = self._parameters.get("SIM_BAT_DRAIN")
-        floor = self._parameters.get("SIM_BAT_MIN_PCT") / 100.0
-        if drain_s <= 0.0:
-            return 1.0
-        return max(1.0 - self._armed_us * 1e-6 / drain_s, floor)
+        return charge_after(self._armed_us, self.drain)
 
     @property
     def voltage_v(self) -> float:
-        return _CELLS * (_EMPTY_CELL_V + (_FULL_CELL_V - _EMPTY_CELL_V) * self.charge)
+        return voltage_of(self.charge)
 
     def warning(self) -> str | None:
         """PX4's warning level: low, critical, emergency or None."""

@@ -36,29 +36,51 @@ class Link:
         self.reader = FrameReader()
         self.signing = Signing()
         self.out: list[bytes] = []
-        self.streams: dict[int, Stream] = {}
+        self._streams: dict[int, Stream] = {}
         self.enabled = True
         self.ground_station_seen_us: int | None = None
         self.messages_sent = 0
         self.messages_received = 0
         self.bytes_sent = 0
         self.bytes_received = 0
-        self._sequence = 0
+        self.sequence = 0
         self._system_id = system_id
         self._component_id = component_id
         self._due: list[tuple[int, int, int, Stream]] = []
         self._order = 0
+        self.keeper: Callable[[], None] | None = None
+        """Writes the timetable back; set while somebody else keeps it and says in `kept_due_us` when a stream is due."""
+        self.kept_due_us = 0
+
+    @property
+    def streams(self) -> dict[int, Stream]:
+        """By message id."""
+        self.own_timetable()
+        return self._streams
+
+    def own_timetable(self) -> None:
+        """Have the timetable back from whoever keeps it."""
+        if self.keeper is not None:
+            self.keeper()
+
+    def timetable(self) -> list[tuple[int, int, Stream]]:
+        """When each stream is due next, and its place among those due at the same time."""
+        return [(due, order, stream) for due, order, generation, stream in self._due if generation == stream.generation]
+
+    def set_timetable(self, streams: list[tuple[int, int, Stream]]) -> None:
+        """What `timetable` gave, some time later."""
+        self._due = sorted((due, order, stream.generation, stream) for due, order, stream in streams)
 
     def send(self, message_type: MessageType, payload: bytes) -> None:
         """Frame a payload and put it on the way."""
         if not self.enabled:
             return
-        sequence = self._sequence
+        sequence = self.sequence
         if self.signing.is_active:
             frame = self.signing.sign(encode(message_type, payload, sequence, self._system_id, self._component_id, 1))
         else:
             frame = encode(message_type, payload, sequence, self._system_id, self._component_id)
-        self._sequence = (sequence + 1) & 0xFF
+        self.sequence = (sequence + 1) & 0xFF
         self.messages_sent += 1
         self.bytes_sent += len(frame)
         self.out.append(frame)
@@ -75,15 +97,16 @@ class Link:
     def add_stream(self, message_type: MessageType, interval_us: int, first_us: int) -> None:
         """A stream of the timetable."""
         stream = Stream(message_type, interval_us, interval_us)
-        self.streams[message_type.id] = stream
+        self._streams[message_type.id] = stream
         if interval_us != DISABLED:
             self._schedule(stream, first_us)
 
     def set_interval(self, message_type: MessageType, interval_us: int, t_us: int) -> None:
         """New interval from now on; DISABLED stops the stream."""
-        stream = self.streams.get(message_type.id)
+        streams = self.streams
+        stream = streams.get(message_type.id)
         if stream is None:
-            stream = self.streams[message_type.id] = Stream(message_type, DISABLED, DISABLED)
+            stream = streams[message_type.id] = Stream(message_type, DISABLED, DISABLED)
         stream.interval_us = interval_us
         stream.generation += 1
         if interval_us != DISABLED:
@@ -96,10 +119,13 @@ class Link:
     @property
     def next_due_us(self) -> int:
         """When the next stream is due."""
+        if self.keeper is not None:
+            return self.kept_due_us
         return self._due[0][0] if self._due else _NEVER_US
 
     def send_due(self, t_us: int, content: Callable[[MessageType], bytes | None]) -> None:
         """Send every stream that is due; `content` gives the payload or None when there is nothing to say."""
+        self.own_timetable()
         due_list, send = self._due, self.send
         while due_list and due_list[0][0] <= t_us:
             due_us, order, generation, stream = due_list[0]

@@ -1,0 +1,336 @@
+"""All stream messages of many steps in one call: what `MavlinkEndpoint.step` does while only streams that move with the vehicle are due.
+
+The plain message is the template: tables say which of its fields move and how they are packed (from the message's own format), and
+stream_values.py gives the numbers, the same functions as for a single message. The kernel stops before a step in which another
+message is due. `b`, `e`, `k` are rows of steady_flight.py, `s` the slow numbers laid out below. Bytes are those of the plain way.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import isfinite
+from struct import calcsize
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from sitl_stub import stream_values as values_of
+from sitl_stub.autopilot.battery import Drain, charge_after, voltage_of
+from sitl_stub.compiled import compiled, used_by_kernels
+from sitl_stub.geodesy import OriginNumbers
+from sitl_stub.mavlink import definitions as mav
+from sitl_stub.mavlink.definitions import MessageType
+from sitl_stub.multirotor import specific_force
+
+Integers = npt.NDArray[np.int64]
+Bytes = npt.NDArray[np.uint8]
+
+# Places in s.
+ORIGIN, HOME, HAS_GLOBAL, HAS_GPS, IS_ARMED, CAN_FLY, LANDED_STATE, HAS_TARGET = 0, 5, 7, 8, 9, 10, 11, 12
+IMU_SCALE, RESETS, DRAIN, FULL_SINCE_US, HAS_RANGE, ASKED_POSITION, RANGE, SLOW_SIZE = 13, 14, 15, 18, 19, 20, 23, 24
+
+# Columns of the timetable, of the counters of a link, of what comes out, and of a frame made.
+DUE, ORDER, LAST_SENT, TIMETABLE_SIZE = 0, 1, 4, 5
+"""Interval and kind between them."""
+FIRST, END, LINK_SIZE = 0, 1, 6
+"""Of the streams; then sequence number, messages and bytes sent, when something is due next."""
+RESULT_SIZE = 4
+"""Where it stopped, frames, place on the tape, last step with a message."""
+FRAME_SIZE = 3
+"""End, link, step."""
+
+_STEP_US = 4000
+LONGEST_FRAME = 280
+MOST_FIELDS = 16
+_NEVER_US = 1 << 62
+
+(
+    _UNKNOWN,
+    _ATTITUDE,
+    _QUATERNION,
+    _LOCAL,
+    _GLOBAL,
+    _ODOMETRY,
+    _IMU,
+    _ATTITUDE_TARGET,
+    _LOCAL_TARGET,
+    _GLOBAL_TARGET,
+    _ALTITUDE,
+    _RANGE,
+    _SERVOS,
+    _HUD,
+    _TIMESYNC,
+    _GPS,
+    _STATUS,
+    _LANDED,
+) = range(18)
+
+MOVING_FIELDS: dict[MessageType, tuple[int, tuple[int, ...]]] = {
+    mav.ATTITUDE: (_ATTITUDE, tuple(range(7))),
+    mav.ATTITUDE_QUATERNION: (_QUATERNION, tuple(range(8))),
+    mav.LOCAL_POSITION_NED: (_LOCAL, tuple(range(7))),
+    mav.GLOBAL_POSITION_INT: (_GLOBAL, tuple(range(9))),
+    mav.ODOMETRY: (_ODOMETRY, (*range(14), 58)),
+    mav.HIGHRES_IMU: (_IMU, (*range(7), 10, 12)),
+    mav.ATTITUDE_TARGET: (_ATTITUDE_TARGET, tuple(range(9))),
+    mav.POSITION_TARGET_LOCAL_NED: (_LOCAL_TARGET, tuple(range(13))),
+    mav.POSITION_TARGET_GLOBAL_INT: (_GLOBAL_TARGET, tuple(range(12))),
+    mav.ALTITUDE: (_ALTITUDE, tuple(range(7))),
+    mav.DISTANCE_SENSOR: (_RANGE, (0, 3)),
+    mav.SERVO_OUTPUT_RAW: (_SERVOS, tuple(range(5))),
+    mav.VFR_HUD: (_HUD, tuple(range(6))),
+    mav.TIMESYNC: (_TIMESYNC, (1,)),
+    mav.GPS_RAW_INT: (_GPS, tuple(range(11))),
+    mav.SYS_STATUS: (_STATUS, (2, 4, 12)),
+    mav.EXTENDED_SYS_STATE: (_LANDED, (1,)),
+}
+"""The kernel's number of a message, and which of its fields (counted in wire order, arrays one by one) it writes."""
+
+KIND_OF = {message_type.id: kind for message_type, (kind, _) in MOVING_FIELDS.items()}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Layouts:
+    """For each kind: first and last field, size, id, CRC_EXTRA, place of its template. For each field: place, code, size."""
+
+    kinds: Integers
+    fields: Integers
+    templates: Bytes
+
+
+def layouts(templates: dict[MessageType, bytes]) -> Layouts:
+    """Tables from the messages' own formats."""
+    kinds = np.zeros((len(MOVING_FIELDS) + 1, 6), np.int64)
+    fields: list[tuple[int, int, int]] = []
+    joined = b""
+    for message_type, (kind, moving) in MOVING_FIELDS.items():
+        every = _fields(message_type.format)
+        template = templates[message_type]
+        first = len(fields)
+        fields += [every[place] for place in moving]
+        kinds[kind] = (first, len(fields), len(template), message_type.id, message_type.crc_extra, len(joined))
+        joined += template
+    return Layouts(kinds, np.array(fields, np.int64), np.frombuffer(joined, np.uint8).copy())
+
+
+def _fields(format: str) -> list[tuple[int, int, int]]:
+    """(place, is it a float, size) of each field of a wire format."""
+    found: list[tuple[int, int, int]] = []
+    place, count = 0, ""
+    for code in format:
+        if code.isdigit():
+            count += code
+            continue
+        size = calcsize("<" + code)
+        for _ in range(int(count or 1)):
+            found.append((place, int(code == "f"), size))
+            place += size
+        count = ""
+    return found
+
+
+@used_by_kernels
+def _fill(kind: int, v: Any, t_us: int, b: Any, e: Any, k: Any, s: Any, tape: Any, tape_at: int) -> bool:
+    """The numbers of one message into v; False when there is nothing to say."""
+    position, velocity = (e[50], e[51], e[52]), (e[53], e[54], e[55])
+    q, rates, yaw = (e[60], e[61], e[62], e[63]), (e[64], e[65], e[66]), e[70]
+    origin = OriginNumbers(s[0], s[1], s[2], s[3], s[4])
+    home = values_of.HomeAltitude(s[5] > 0.5, s[6])
+    amsl = values_of.altitude_m(origin, e[52])
+    v[0] = t_us // 1000
+    if kind == _ATTITUDE:
+        v[0], v[1], v[2], v[3], v[4], v[5], v[6] = values_of.attitude(t_us, q, rates)
+    elif kind == _QUATERNION:
+        v[1], v[2], v[3], v[4] = q
+        v[5], v[6], v[7] = rates
+    elif kind == _LOCAL:
+        v[1], v[2], v[3] = position
+        v[4], v[5], v[6] = velocity
+    elif kind == _GLOBAL:
+        if s[7] < 0.5:
+            return False
+        v[0], v[1], v[2], v[3], v[4], v[5], v[6], v[7], v[8] = values_of.global_position(
+            t_us, position, velocity, yaw, origin, home
+        )
+    elif kind == _ODOMETRY:
+        v[0] = t_us
+        v[1], v[2], v[3] = position
+        v[4], v[5], v[6], v[7] = q
+        v[8], v[9], v[10] = velocity
+        v[11], v[12], v[13] = rates
+        v[14] = int(s[14]) & 0xFF
+    elif kind == _IMU:
+        v[0] = t_us
+        v[1], v[2], v[3] = specific_force((b[6], b[7], b[8], b[9]), (b[17], b[18], b[19]))
+        v[4], v[5], v[6] = b[10], b[11], b[12]
+        if s[13] > 0.0:
+            force, turning = values_of.imu_noise(s[13], tape, tape_at)
+            for i in range(3):
+                v[1 + i] += force[i]
+                v[4 + i] += turning[i]
+        v[7], v[8] = values_of.pressure_hpa(amsl), amsl
+    elif kind == _ATTITUDE_TARGET:
+        v[1], v[2], v[3], v[4] = k[11], k[12], k[13], k[14]
+        v[5], v[6], v[7], v[8] = k[0], k[1], k[2], k[10]
+    elif kind == _LOCAL_TARGET:
+        asked, speed, push = (s[20], s[21], s[22]), (k[42], k[43], k[44]), (k[45], k[46], k[47])
+        v[1], v[2], v[3] = asked
+        v[4], v[5], v[6] = speed
+        v[7], v[8], v[9] = push
+        v[10] = values_of.target_yaw(k[51], (k[11], k[12], k[13], k[14]))
+        v[11] = values_of.zero_if_unset(k[15])
+        v[12] = values_of.ignored_mask(asked, speed, push)
+    elif kind == _GLOBAL_TARGET:
+        if s[12] < 0.5 or not isfinite(s[20] + s[22]):
+            return False
+        v[1], v[2], v[3] = values_of.global_target((s[20], s[21], s[22]), origin)
+        v[4], v[5], v[6], v[7], v[8], v[9] = k[42], k[43], k[44], k[45], k[46], k[47]
+        v[10], v[11] = values_of.zero_if_unset(k[51]), k[15]
+    elif kind == _ALTITUDE:
+        v[0], v[1], v[2], v[3], v[4], v[5], v[6] = values_of.altitude(t_us, amsl, e[52], home, s[23])
+    elif kind == _RANGE:
+        if s[19] < 0.5:
+            return False
+        v[1] = values_of.distance_cm(s[23])
+    elif kind == _SERVOS:
+        v[0] = t_us & 0xFFFFFFFF
+        for i in range(4):
+            v[1 + i] = values_of.motor_us(k[28 + i], s[9] > 0.5)
+    elif kind == _HUD:
+        v[0], v[1], v[2], v[3], v[4], v[5] = values_of.vfr_hud(velocity, amsl, yaw, k[10], s[9] > 0.5)
+    elif kind == _TIMESYNC:
+        v[0] = t_us * 1000
+    elif kind == _GPS:
+        v[0], v[1], v[2], v[3], v[4], v[5], v[6], v[7], v[8], v[9] = values_of.gps_raw(
+            t_us, position, velocity, origin, s[8] > 0.5
+        )
+        v[10] = v[3]
+    elif kind == _STATUS:
+        charge = charge_after(t_us - round(k[52]) - s[18], Drain(s[15], s[16], s[17]))
+        _, _, v[0], _, v[1], _, v[2] = values_of.sys_status(s[10] > 0.5, s[8] > 0.5, charge, voltage_of(charge))
+    else:
+        v[0] = s[11]
+    return True
+
+
+@used_by_kernels
+def _checksum(out: Any, begin: int, end: int, extra: int) -> int:
+    """CRC-16/MCRF4XX of out[begin:end] and the extra byte."""
+    crc = 0xFFFF
+    for i in range(begin, end + 1):
+        x = (int(out[i]) if i < end else extra) ^ (crc & 0xFF)
+        x ^= (x << 4) & 0xFF
+        crc = (crc >> 8) ^ (x << 8) ^ (x << 3) ^ (x >> 4)
+    return crc
+
+
+@used_by_kernels
+def _frame(
+    out: Any, at: int, kinds: Any, fields: Any, templates: Any, kind: int, v: Any, single: Any, sequence: int
+) -> int:
+    """One MAVLink 2 frame from `at` on; gives its end. `single` is a float of four bytes, and the same bytes."""
+    first, last, size, message_id, extra, place = kinds[kind]
+    payload = at + 10
+    for i in range(size):
+        out[payload + i] = templates[place + i]
+    value, parts = single
+    for j in range(first, last):
+        to, is_float, width = payload + fields[j, 0], fields[j, 1], fields[j, 2]
+        number = v[j - first]
+        if is_float:
+            value[0] = number
+            for i in range(4):
+                out[to + i] = parts[i]
+        else:
+            whole = int(number)
+            for i in range(width):
+                out[to + i] = (whole >> (8 * i)) & 0xFF
+    while size > 1 and out[payload + size - 1] == 0:
+        size -= 1
+    out[at], out[at + 1], out[at + 2], out[at + 3] = 0xFD, size, 0, 0
+    out[at + 4], out[at + 5], out[at + 6] = sequence, 1, 1
+    out[at + 7], out[at + 8], out[at + 9] = message_id & 0xFF, (message_id >> 8) & 0xFF, message_id >> 16
+    end = payload + size
+    crc = _checksum(out, at + 1, end, extra)
+    out[end], out[end + 1] = crc & 0xFF, crc >> 8
+    return int(end + 2)
+
+
+@used_by_kernels
+def _next(timetable: Any, first: int, end: int, t_us: int) -> int:
+    """The stream that is due first by t_us, -1 when none is."""
+    best = -1
+    for j in range(first, end):
+        due = timetable[0, j]
+        if due <= t_us and (
+            best < 0 or due < timetable[0, best] or (due == timetable[0, best] and timetable[1, j] < timetable[1, best])
+        ):
+            best = j
+    return best
+
+
+@used_by_kernels
+def _is_known(timetable: Any, streams: int, t_us: int) -> bool:
+    unknown = 0
+    for j in range(streams):
+        unknown += timetable[0, j] <= t_us and timetable[3, j] == _UNKNOWN
+    return unknown == 0
+
+
+@used_by_kernels
+def _earliest(timetable: Any, first: int, end: int) -> int:
+    earliest = _NEVER_US
+    for j in range(first, end):
+        earliest = min(earliest, timetable[0, j])
+    return earliest
+
+
+@compiled
+def send_burst(
+    timetable: Any, links: Any, tables: Any, rows: Any, s: Any, tape: Any, room: Any, step_from: Any, result: Any
+) -> None:
+    """Messages of the steps step_from[0] to step_from[1]; step 0 is at step_from[2], the tape at step_from[3].
+
+    `timetable` and `links` go on; `result` says what was made. `room` is the buffer, its frames, the numbers of a message and
+    the parts of a float.
+    """
+    kinds, fields, templates = tables
+    rows_b, rows_e, rows_k = rows
+    out, frames, v, value, parts = room
+    i, last, from_us, tape_at = step_from[0], step_from[1], step_from[2], step_from[3]
+    streams, count, end = timetable.shape[1], 0, 0
+    next_us = _earliest(timetable, 0, streams)
+    result[3] = -1
+    while True:
+        i = max(i, -((from_us - next_us) // _STEP_US))
+        t_us = from_us + i * _STEP_US
+        if i > last or not _is_known(timetable, streams, t_us):
+            break
+        result[3] = i
+        imu_at = -1
+        for link in range(links.shape[0]):
+            while True:
+                j = _next(timetable, links[link, 0], links[link, 1], t_us)
+                if j < 0:
+                    break
+                timetable[0, j] = max(timetable[0, j] + timetable[2, j], t_us + 1)
+                kind = timetable[3, j]
+                if kind == _IMU and imu_at < 0:
+                    imu_at = tape_at
+                    tape_at += values_of.IMU_NUMBERS if s[13] > 0.0 else 0
+                if not _fill(kind, v, t_us, rows_b[i], rows_e[i], rows_k[i], s, tape, imu_at):
+                    continue
+                timetable[4, j] = t_us
+                begin = end
+                end = _frame(out, begin, kinds, fields, templates, kind, v, (value, parts), links[link, 2])
+                links[link, 2] = (links[link, 2] + 1) & 0xFF
+                links[link, 3] += 1
+                links[link, 4] += end - begin
+                frames[count, 0], frames[count, 1], frames[count, 2] = end, link, i
+                count += 1
+        next_us = _earliest(timetable, 0, streams)
+        i += 1
+    for link in range(links.shape[0]):
+        links[link, 5] = _earliest(timetable, links[link, 0], links[link, 1])
+    result[0], result[1], result[2] = i, count, tape_at
