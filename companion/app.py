@@ -231,7 +231,8 @@ class LiveApp:
             text = f"{url}: the stream ended; trying again"
             try:
                 async for frame in frames(url):
-                    trouble.over()
+                    if trouble.over():
+                        self._report(Health(time.monotonic_ns(), f"camera {name}", 0, "frames come"))
                     if self._newest is not None:
                         self.counters.frames_dropped += 1
                     self._newest = (name, frame)
@@ -239,7 +240,7 @@ class LiveApp:
                     self._report(*self._arrivals[name].arrived(time.monotonic_ns()))
             except CameraError as error:
                 text = str(error)
-            self._say(trouble, "camera", text)
+            self._say(trouble, f"camera {name}", text)
             await asyncio.sleep(RECONNECT_S)
 
     async def _watch(self) -> None:

@@ -269,7 +269,7 @@ def log_export(
     file: Annotated[Path, typer.Argument(help="The log.")],
     out: Annotated[Path, typer.Option(help="Folder for the files.")],
     topic: Annotated[list[str] | None, typer.Option(help="Only this message; may be given several times.")] = None,
-    form: Annotated[str, typer.Option("--format", help="csv, or parquet (needs pyarrow).")] = "csv",
+    form: Annotated[str, typer.Option("--format", help="csv, or parquet (needs companion[parquet]).")] = "csv",
     frames: Annotated[bool, typer.Option("--frames", help="The camera frames of a .mcap instead.")] = False,
 ) -> None:
     """One file for each message type, or the camera frames."""

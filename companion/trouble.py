@@ -24,6 +24,8 @@ class Trouble:
         self._pause_ns = min(2 * self._pause_ns, LONGEST_PAUSE_NS)
         return True
 
-    def over(self) -> None:
-        """It works again: the next time is a first time."""
+    def over(self) -> bool:
+        """It works again: the next time is a first time. True where there was trouble."""
+        there_was = self._text is not None
         self._text = None
+        return there_was

@@ -6,6 +6,7 @@ Made from the campaign file and its rows alone, so that it can be made again at 
 from __future__ import annotations
 
 import itertools
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
@@ -14,6 +15,7 @@ from typing import Any
 
 from companion.campaign.campaign_file import Campaign, Sample, samples
 from companion.campaign.statistics import CellStatistics, cell_statistics
+from companion.telemetry.findings import TOUCHDOWN_LIMITS
 from companion.telemetry.heat_map import HeatMap, Square, heat_map_svg
 from companion.telemetry.report import BLUE, GREY, RED, STYLE
 from companion.telemetry.svg_plot import Chart, Line, svg
@@ -49,14 +51,58 @@ def campaign_report(campaign: Campaign, path: Path, rows: Mapping[int, Row], cel
 </style></head><body>
 <h1>{escape(title)}</h1>
 <p class="verdict{"" if in_air == in_zones == 0 and landed == len(flown) else " bad"}">{escape(summary)}</p>
+<h2>What to look at first</h2>{_looks(flown, cells)}
 <h2>Where it lands</h2>{"".join(heat_map_svg(chart) for chart in envelope_maps(campaign, cells))}
 <p>Colour: part of the flights that landed. Below it the 95 % Wilson interval and the number of flights.</p>
 <h2>Where on the pad</h2><div class="grid2">{"".join(svg(chart) for chart in _scatters(flown))}</div>
 <p>First contact of each flight, from above, pad's travel upwards. Blue: landed; red: did not end on the pad.</p>
+<h2>How hard</h2><div class="grid2">{svg(_contact_speeds(flown))}</div>
 <h2>Worst runs</h2>{_worst_table(flown, path)}
 <h2>Figures</h2>{_cell_table(cells)}
 </body></html>
 """
+
+
+def _looks(flown: Sequence[_Flown], cells: Sequence[CellStatistics]) -> str:
+    """Sentences, the worst first; a flight's own report says more of it."""
+    rows = [one.row for one in flown]
+    ends = Counter(row["outcome"] for row in rows if row["outcome"] != "landed")
+    rounds = sum(1 for row in rows if row.get("go_arounds"))
+    looks = []
+    if ends:
+        said = ", ".join(f"{name} {number}" for name, number in ends.most_common())
+        looks.append(f"{ends.total()} of {len(rows)} flights did not land: {said}.")
+        least = min(cells, key=lambda cell: cell.landed / cell.n)
+        looks.append(f"Least often landed: {least.cell}, {least.landed} of {least.n}.")
+    for key, most, unit in TOUCHDOWN_LIMITS:
+        over = sum(1 for row in rows if (row.get(key) or 0.0) > most)
+        if over:
+            looks.append(f"{over} touched down at more than {most:g} {unit}.")
+    if rounds:
+        looks.append(f"{rounds} of {len(rows)} went around at least once.")
+    if not looks:
+        return "<p>Nothing stands out.</p>"
+    return f"<ol>{''.join(f'<li>{escape(text)}</li>' for text in looks)}</ol>"
+
+
+def _contact_speeds(flown: Sequence[_Flown]) -> Chart:
+    """Of all flights that touched the deck."""
+    across, down = "touchdown_relative_speed_horizontal_m_s", "touchdown_relative_speed_vertical_m_s"
+    touched = [one.row for one in flown if one.row.get(across) is not None and one.row.get(down) is not None]
+    groups = (
+        ("landed", BLUE, [row for row in touched if row["outcome"] == "landed"]),
+        ("not landed", RED, [row for row in touched if row["outcome"] != "landed"]),
+    )
+    return Chart(
+        "Speed against the deck at first contact",
+        "across, m/s",
+        "down, m/s",
+        tuple(
+            Line(n, c, [row[across] for row in rows], [row[down] for row in rows], dots=True) for n, c, rows in groups
+        ),
+        x_range=(0.0, max([1.0, *(1.05 * row[across] for row in touched)])),
+        y_range=(0.0, max([1.5, *(1.05 * row[down] for row in touched)])),
+    )
 
 
 def envelope_maps(campaign: Campaign, cells: Sequence[CellStatistics]) -> list[HeatMap]:

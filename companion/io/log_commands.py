@@ -111,7 +111,9 @@ def _parquet() -> tuple[Any, Any]:
         import pyarrow  # type: ignore[import-not-found,unused-ignore]
         import pyarrow.parquet  # type: ignore[import-not-found,unused-ignore]
     except ImportError as error:
-        raise LogError("Parquet needs pyarrow, which is not installed: pip install pyarrow, or --format csv") from error
+        raise LogError(
+            "Parquet needs pyarrow, which is not installed: pip install 'companion[parquet]', or --format csv"
+        ) from error
     return pyarrow, pyarrow.parquet
 
 

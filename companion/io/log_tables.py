@@ -152,7 +152,8 @@ def _mcap_table(log: McapLog, topic: str, start_ns: int) -> Table:
             content.pop("data", None)
         rows.append(dict(flattened(content)))
         t_s.append((record.log_ns - start_ns) / 1e9)
-    names = list(dict.fromkeys(name for row in rows for name in row))
+    found = dict.fromkeys(name for row in rows for name in row)
+    names = [name for name in found if f"{name}[0]" not in found]  # where an array is null in some rows
     return Table(topic, t_s, {name: [row.get(name) for row in rows] for name in names})
 
 

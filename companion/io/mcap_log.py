@@ -78,31 +78,31 @@ TYPE_OF_TOPIC: dict[str, type] = {topic_of(kind): kind for kind in MESSAGE_TYPES
 def schema_of(kind: type) -> dict[str, Any]:
     """JSON schema of a message as it stands in the log.
 
-    Written for the viewers' readers, which know one type for a field and arrays of scalars: a field that may be null carries
-    `nullable`, and arrays of arrays stand under `patternProperties`, where those readers do not look.
+    Every message fits it (JSON Schema 2020-12). The viewers' readers know one type for a field and arrays of scalars: what may
+    be null and arrays of arrays stand under `patternProperties`, where those readers do not look.
     """
     hints = typing.get_type_hints(kind)
-    plain: dict[str, Any] = {"sequence": {"type": "integer"}, "cause": {"type": "integer", "nullable": True}}
-    nested: dict[str, Any] = {}
-    required = ["sequence"]
-    for item in dataclasses.fields(kind):
-        schema = _type_schema(hints[item.name])
-        if _is_nested(schema):
-            nested[f"^{item.name}$"] = schema
-        else:
-            plain[item.name] = schema
-        if not schema.get("nullable"):
-            required.append(item.name)
-    text = (kind.__doc__ or "").strip().split("\n")[0]
-    found = {"title": kind.__name__, "description": text, "type": "object", "properties": plain, "required": required}
-    return {**found, "patternProperties": nested} if nested else found
+    fields = {
+        "sequence": int,
+        "cause": int | None,
+        **{item.name: hints[item.name] for item in dataclasses.fields(kind)},
+    }
+    schemas = {name: _type_schema(hint) for name, hint in fields.items()}
+    return {
+        "title": kind.__name__,
+        "description": (kind.__doc__ or "").strip().split("\n")[0],
+        "type": "object",
+        "properties": {name: schema for name, schema in schemas.items() if _is_plain(schema)},
+        "patternProperties": {f"^{name}$": schema for name, schema in schemas.items() if not _is_plain(schema)},
+        "required": list(fields),
+    }
 
 
 def _type_schema(hint: Any) -> dict[str, Any]:
     arguments = typing.get_args(hint)
     if isinstance(hint, types.UnionType):
         (inner,) = [argument for argument in arguments if argument is not types.NoneType]
-        return {**_type_schema(inner), "nullable": True}
+        return {"anyOf": [_type_schema(inner), {"type": "null"}]}
     if typing.get_origin(hint) is tuple:
         return _tuple_schema(arguments)
     if issubclass(hint, enum.Enum):
@@ -119,8 +119,10 @@ def _tuple_schema(arguments: tuple[Any, ...]) -> dict[str, Any]:
     return {"type": "array", "prefixItems": [_type_schema(argument) for argument in arguments]}
 
 
-def _is_nested(schema: Mapping[str, Any]) -> bool:
-    return bool(schema["type"] == "array" and schema.get("items", {}).get("type", "array") == "array")
+def _is_plain(schema: Mapping[str, Any]) -> bool:
+    """A scalar or an array of scalars, never null."""
+    kind = schema["items"].get("type") if schema.get("type") == "array" and "items" in schema else schema.get("type")
+    return kind not in (None, "array")
 
 
 _TIME = {"type": "object", "title": "time", "properties": {"sec": {"type": "integer"}, "nsec": {"type": "integer"}}}

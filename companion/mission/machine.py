@@ -70,6 +70,7 @@ class Machine:
         self._overturned_for_s = 0.0
         self._last_request: tuple[CommandKind, int] | None = None
         self._start_until_ns: int | None = None
+        self._start_was_blocked = False
         self._mode_at_entry: AutopilotMode | None = None
         self._holds_for_sight = False
 
@@ -108,13 +109,20 @@ class Machine:
         reasons = "; ".join(blocking(facts, self._safety))
         if not reasons:
             self._start_until_ns = None
-            return facts, tuple(Health(facts.t_ns, "start", 1, text) for text in warnings(facts))
+            return facts, self._start_obeyed(facts)
         refused = facts.t_ns >= until_ns
         self.note = f"START {'refused' if refused else 'waits'}: {reasons}"
+        self._start_was_blocked = True
         if refused:
             self._start_until_ns = None
             return replace(facts, operator=None), (Health(facts.t_ns, "start", 2, self.note),)
         return facts, (Health(facts.t_ns, "start", 1, self.note),) if is_new else ()
+
+    def _start_obeyed(self, facts: Facts) -> tuple[Health, ...]:
+        """What is said of it: warnings, else that an earlier obstacle is gone."""
+        was_blocked, self._start_was_blocked = self._start_was_blocked, False
+        found = tuple(Health(facts.t_ns, "start", 1, text) for text in warnings(facts))
+        return found or ((Health(facts.t_ns, "start", 0, "START obeyed"),) if was_blocked else ())
 
     def _count(self, facts: Facts, dt_s: float) -> None:
         if self._since_ns is None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from html import escape
 from typing import Any
 
@@ -37,12 +38,12 @@ PHASE_COLOURS: dict[Phase, str] = {
 STYLE = """
 body{font:15px/1.45 system-ui,sans-serif;margin:24px auto;max-width:1180px;color:#0f172a;padding:0 16px}
 h1{font-size:22px;margin:0 0 4px}h2{font-size:16px;margin:26px 0 8px}
-.verdict{font-size:17px;padding:10px 14px;border-radius:8px;background:#dcfce7;margin:10px 0}.verdict.bad{background:#fee2e2}
+.verdict{font-size:17px;padding:10px 14px;border-radius:8px;background:#dcfce7;margin:10px 0}.verdict.bad{background:#fee2e2}.verdict.open{background:#e2e8f0}
 .grid2{display:grid;grid-template-columns:1fr 1fr;gap:16px}@media(max-width:900px){.grid2{grid-template-columns:1fr}}
 svg{width:100%;height:auto;background:#fff;border:1px solid #e2e8f0;border-radius:8px}
 svg text{font:11px system-ui,sans-serif;fill:#475569}svg .title{font-weight:600;font-size:13px;fill:#0f172a}
 svg .legend{font-weight:600}svg .band{fill:#64748b;font-size:10px}svg .grid{stroke:#e2e8f0;stroke-width:1}
-table{border-collapse:collapse;font-size:14px}td,th{padding:3px 14px 3px 0;text-align:left;vertical-align:top}
+table{border-collapse:collapse;font-size:14px}td,th{padding:3px 14px 3px 0;text-align:left;vertical-align:top}td:first-child{white-space:nowrap}
 th{color:#64748b;font-weight:500}code{font-size:13px}
 .scene canvas{border:1px solid #e2e8f0;border-radius:8px;cursor:grab}.row{display:flex;gap:12px;align-items:center}
 .note{color:#64748b;font-size:13px;margin:2px 0}.strip{display:flex;flex-wrap:wrap;gap:6px}figure{margin:0}
@@ -60,18 +61,17 @@ MOST_ROWS = 200
 
 def report_html(record: FlightRecord, figures: Mapping[str, Any], *, title: str, line: str) -> str:
     """The whole page."""
-    good = figures.get("outcome") in ("landed", "guided", "replayed")
     return f"""<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><title>{escape(title)}</title><style>{STYLE}</style></head><body>
 <h1>{escape(title)}</h1>
-<p class="verdict{"" if good else " bad"}">{escape(line)}</p>
+<p class="verdict{_verdict(figures)}">{escape(line)}</p>
 <h2>What to look at first</h2>{_looks(record, figures)}
-<h2>Path</h2>{scene_html(record)}<div class="grid2">{svg(_plan_view(record))}{svg(_side_view(record))}</div>
-<h2>Against the pad</h2><div class="grid2">{_charts(_relative_charts(record))}</div>
-<h2>Estimate: errors and innovations with their bounds</h2><div class="grid2">{_charts(_estimate_charts(record))}</div>
-<h2>Detection</h2><div class="grid2">{svg(_detection_chart(record))}</div>{filmstrip_html(record)}
-<h2>Setpoints against response</h2><div class="grid2">{_charts(_response_charts(record))}</div>
-<h2>Delays</h2><div class="grid2">{_charts(_delay_charts(record))}</div>
+<h2>Path</h2>{scene_html(record)}<div class="grid2">{svg(_plan_view(record))}{_charts(record, [_side_view(record)])}</div>
+<h2>Against the pad</h2><div class="grid2">{_charts(record, _relative_charts(record))}</div>
+<h2>Estimate: errors and innovations with their bounds</h2><div class="grid2">{_charts(record, _estimate_charts(record))}</div>
+<h2>Detection</h2><div class="grid2">{_charts(record, [_detection_chart(record)])}</div>{filmstrip_html(record)}
+<h2>Setpoints against response</h2><div class="grid2">{_charts(record, _response_charts(record))}</div>
+<h2>Delays</h2><div class="grid2">{_charts(record, _delay_charts(record))}</div>
 <h2>Health</h2>{_health_table(record)}
 <h2>Phases</h2>{_phase_table(record)}
 <h2>Requests to the autopilot</h2>{_request_table(record)}
@@ -80,14 +80,21 @@ def report_html(record: FlightRecord, figures: Mapping[str, Any], *, title: str,
 """
 
 
+def _verdict(figures: Mapping[str, Any]) -> str:
+    """Green for a landing, red for another end of a flight, grey where nobody judged: a replay, a log of a killed process."""
+    outcome = figures.get("outcome", "replayed")
+    return {"landed": "", "guided": "", "replayed": " open"}.get(outcome, " bad")
+
+
 def _bands(record: FlightRecord) -> tuple[Band, ...]:
     return tuple(
         Band(start, end, str(phase), PHASE_COLOURS.get(phase, "#ffffff")) for start, end, phase in phase_spans(record)
     )
 
 
-def _charts(charts: list[Chart]) -> str:
-    return "".join(svg(chart) for chart in charts)
+def _charts(record: FlightRecord, charts: list[Chart]) -> str:
+    """All over the whole flight, so that they can be compared by eye."""
+    return "".join(svg(replace(chart, x_range=(0.0, max(record.end_s, 1.0)), bands=_bands(record))) for chart in charts)
 
 
 def _looks(record: FlightRecord, figures: Mapping[str, Any]) -> str:
@@ -138,7 +145,6 @@ def _known(record: FlightRecord) -> str:
 
 
 def _relative_charts(record: FlightRecord) -> list[Chart]:
-    bands = _bands(record)
     true_error = [
         math.hypot(v[0] - p[0], v[1] - p[1])
         for v, p in zip(record.true_vehicle.values, record.true_pad.values, strict=True)
@@ -152,7 +158,6 @@ def _relative_charts(record: FlightRecord) -> list[Chart]:
                 Line("true", GREY, record.true_vehicle.t_s, list(true_error)),
                 Line("believed", BLUE, record.relative.t_s, _horizontal(record.relative)),
             ),
-            bands,
             y_range=(0.0, 5.0),
         ),
         Chart(
@@ -160,14 +165,12 @@ def _relative_charts(record: FlightRecord) -> list[Chart]:
             "time, s",
             "m/s",
             (Line("believed", BLUE, record.relative_velocity.t_s, _horizontal(record.relative_velocity)),),
-            bands,
             y_range=(0.0, 3.0),
         ),
     ]
 
 
 def _response_charts(record: FlightRecord) -> list[Chart]:
-    bands = _bands(record)
     return [
         *(
             Chart(
@@ -178,7 +181,6 @@ def _response_charts(record: FlightRecord) -> list[Chart]:
                     Line("flown", GREY, record.vehicle_velocity.t_s, list(record.vehicle_velocity.axis(axis))),
                     Line("asked", BLUE, record.setpoint.t_s, list(record.setpoint.axis(axis))),
                 ),
-                bands,
             )
             for axis, name in enumerate(("north", "east", "down"))
         ),
@@ -187,7 +189,7 @@ def _response_charts(record: FlightRecord) -> list[Chart]:
 
 def _estimate_charts(record: FlightRecord) -> list[Chart]:
     """Errors of what is believed, where the truth is known, with three sigma; innovations squared with their 95 % bound."""
-    bands, sigma = _bands(record), record.pad_sigma_m
+    sigma = record.pad_sigma_m
     t_s, errors = estimate_errors(record)
     bound = Line("3 sigma", ORANGE, sigma.t_s, [3.0 * value for value in sigma.values])
     error = Chart(
@@ -195,10 +197,9 @@ def _estimate_charts(record: FlightRecord) -> list[Chart]:
         "time, s",
         "m",
         (Line("true error", BLUE, t_s, list(errors)), bound) if errors else (bound,),
-        bands,
         y_range=(0.0, 3.0),
     )
-    return [error, *(_innovation_chart(key, series, bands) for key, series in sorted(record.nis.items()))]
+    return [error, *(_innovation_chart(key, series) for key, series in sorted(record.nis.items()))]
 
 
 def estimate_errors(record: FlightRecord) -> tuple[list[float], list[float]]:
@@ -215,19 +216,18 @@ def estimate_errors(record: FlightRecord) -> tuple[list[float], list[float]]:
     return times, errors
 
 
-def _innovation_chart(key: tuple[str, int], series: Values, bands: tuple[Band, ...]) -> Chart:
+def _innovation_chart(key: tuple[str, int], series: Values) -> Chart:
     source, components = key
     bound = NIS_95.get(components, 0.0)
     span = (series.t_s[:1] + series.t_s[-1:]) or [0.0, 1.0]
     return Chart(
-        f"Innovations of {source}: squared over variance, {components} components",
+        f"Innovations: {source.replace('_', ' ')}, {components} component{'s' if components > 1 else ''}",
         "time, s",
-        "",
+        "squared / variance",
         (
             Line("each", BLUE, series.t_s, list(series.values), dots=True),
             Line("95 %", ORANGE, span, [bound] * len(span), dashed=True),
         ),
-        bands,
         y_range=(0.0, 16.0),
     )
 
@@ -242,20 +242,18 @@ def _detection_chart(record: FlightRecord) -> Chart:
             Line("not seen", GREY, record.not_seen_s, [0.0] * len(record.not_seen_s), dots=True),
             Line("rejected", RED, record.rejected_s, [0.5] * len(record.rejected_s), dots=True),
         ),
-        _bands(record),
         y_range=(-0.5, 1.5),
     )
 
 
 def _delay_charts(record: FlightRecord) -> list[Chart]:
     """From when it was true to when it was handled; and from one setpoint to the next."""
-    bands = _bands(record)
     charts = [
-        Chart(f"How late: {kind}", "time, s", "ms", (Line("", BLUE, v.t_s, [1e3 * s for s in v.values]),), bands)
+        Chart(f"How late: {kind}", "time, s", "ms", (Line("", BLUE, v.t_s, [1e3 * s for s in v.values]),))
         for kind, v in sorted(record.delays_s.items())
     ]
     gaps = Line("", BLUE, record.setpoint_gaps_s.t_s, [1e3 * gap_s for gap_s in record.setpoint_gaps_s.values])
-    return [*charts, Chart("From one setpoint to the next", "time, s", "ms", (gaps,), bands, y_range=(0.0, 60.0))]
+    return [*charts, Chart("From one setpoint to the next", "time, s", "ms", (gaps,), y_range=(0.0, 60.0))]
 
 
 def _health_table(record: FlightRecord) -> str:
@@ -281,6 +279,8 @@ def _phase_table(record: FlightRecord) -> str:
 
 
 def _request_table(record: FlightRecord) -> str:
+    if not record.requests:
+        return "<p>None.</p>"
     rows = "".join(f"<tr><td>{t_s:.2f} s</td><td>{escape(text)}</td></tr>" for t_s, text in record.requests)
     return f"<table>{rows}</table>"
 
@@ -289,7 +289,7 @@ def _figure_table(figures: Mapping[str, Any]) -> str:
     rows = "".join(
         f"<tr><th>{escape(str(key))}</th><td><code>{escape(str(value))}</code></td></tr>"
         for key, value in figures.items()
-        if not isinstance(value, Mapping)
+        if not isinstance(value, Mapping) and not key.startswith("phase_")  # those have a table of their own
     )
     return f"<table>{rows}</table>"
 

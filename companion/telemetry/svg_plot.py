@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
+from itertools import pairwise
 
 MARGIN_LEFT, MARGIN_RIGHT, MARGIN_TOP, MARGIN_BOTTOM = 56.0, 12.0, 26.0, 34.0
 MAX_POINTS = 1500
@@ -36,7 +37,10 @@ class Band:
 
 @dataclass(frozen=True, slots=True)
 class Chart:
-    """`equal` gives both axes one scale (maps). `y_range` fixes the y axis, else it fits the data."""
+    """`equal` gives both axes one scale (maps). `x_range` and `y_range` fix an axis, else it fits the data.
+
+    A line that leaves the range is cut there; dots outside lie on its edge.
+    """
 
     title: str
     x_label: str
@@ -44,6 +48,7 @@ class Chart:
     lines: tuple[Line, ...]
     bands: tuple[Band, ...] = ()
     equal: bool = False
+    x_range: tuple[float, float] | None = None
     y_range: tuple[float, float] | None = None
     width: float = 560.0
     height: float = 300.0
@@ -69,6 +74,7 @@ def svg(chart: Chart) -> str:
         *(_band(band, x, chart) for band in chart.bands),
         *_ticks(chart, x, y),
         *(_line(line, x, y) for line in chart.lines),
+        *_says_empty(chart),
         _legend(chart),
         "</svg>",
     ]
@@ -78,7 +84,7 @@ def svg(chart: Chart) -> str:
 def _scales(chart: Chart) -> tuple[_Scale, _Scale]:
     xs = [v for line in chart.lines for v in line.x]
     ys = [v for line in chart.lines for v in line.y if v is not None]
-    x_low, x_high = _padded(xs)
+    x_low, x_high = chart.x_range or _padded(xs)
     y_low, y_high = chart.y_range or _padded(ys)
     width = chart.width - MARGIN_LEFT - MARGIN_RIGHT
     height = chart.height - MARGIN_TOP - MARGIN_BOTTOM
@@ -141,21 +147,59 @@ def _band(band: Band, x: _Scale, chart: Chart) -> str:
     )
 
 
+def _says_empty(chart: Chart) -> list[str]:
+    """An empty chart says that it is meant to be empty."""
+    if any(value is not None for line in chart.lines for value in line.y):
+        return []
+    across = (MARGIN_LEFT + chart.width - MARGIN_RIGHT) / 2.0
+    down = (MARGIN_TOP + chart.height - MARGIN_BOTTOM) / 2.0
+    return [f'<text x="{across:.0f}" y="{down:.0f}" text-anchor="middle">nothing of this in the log</text>']
+
+
+_Point = tuple[float, float]
+
+
 def _line(line: Line, x: _Scale, y: _Scale) -> str:
     stride = max(1, len(line.x) // MAX_POINTS)
     points = [
-        None if value is None else (x.px(at), min(max(y.px(value), y.end_px - 2.0), y.start_px + 2.0))
+        None if value is None else (x.px(at), y.px(value))
         for at, value in list(zip(line.x, line.y, strict=True))[::stride]
     ]
     if line.dots:
-        return "".join(f'<circle cx="{p[0]:.1f}" cy="{p[1]:.1f}" r="2.2" fill="{line.colour}"/>' for p in points if p)
-    commands, pen_down = [], False
-    for point in points:
-        if point is not None:
-            commands.append(f"{'L' if pen_down else 'M'}{point[0]:.1f} {point[1]:.1f}")
-        pen_down = point is not None
+        inside = [(p[0], min(max(p[1], y.end_px), y.start_px)) for p in points if p]
+        return "".join(f'<circle cx="{a:.1f}" cy="{b:.1f}" r="2.2" fill="{line.colour}"/>' for a, b in inside)
     dash = ' stroke-dasharray="5 3"' if line.dashed else ""
-    return f'<path d="{"".join(commands)}" fill="none" stroke="{line.colour}" stroke-width="1.6"{dash}/>'
+    path = _path(points, y.end_px - 1.0, y.start_px + 1.0)
+    return f'<path d="{path}" fill="none" stroke="{line.colour}" stroke-width="1.6"{dash}/>'
+
+
+def _path(points: Sequence[_Point | None], top: float, bottom: float) -> str:
+    """The polyline's commands, cut where it leaves the stretch from `top` to `bottom`."""
+    commands: list[str] = []
+    pen: _Point | None = None
+    for before, after in pairwise(points):
+        cut = None if before is None or after is None else _cut(before, after, top, bottom)
+        if cut is None:
+            continue
+        if pen != cut[0]:
+            commands.append(f"M{cut[0][0]:.1f} {cut[0][1]:.1f}")
+        commands.append(f"L{cut[1][0]:.1f} {cut[1][1]:.1f}")
+        pen = cut[1]
+    return "".join(commands)
+
+
+def _cut(a: _Point, b: _Point, top: float, bottom: float) -> tuple[_Point, _Point] | None:
+    """The part of a stroke with `top` <= y <= `bottom`; None where it has none."""
+    if top <= a[1] <= bottom and top <= b[1] <= bottom:
+        return a, b
+    if max(a[1], b[1]) < top or min(a[1], b[1]) > bottom:
+        return None
+    low, high = sorted(((top - a[1]) / (b[1] - a[1]), (bottom - a[1]) / (b[1] - a[1])))
+
+    def at(share: float) -> _Point:
+        return a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])
+
+    return at(max(low, 0.0)) if low > 0.0 else a, at(high) if high < 1.0 else b
 
 
 def _legend(chart: Chart) -> str:

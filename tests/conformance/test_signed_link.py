@@ -124,7 +124,7 @@ def test_a_camera_that_is_not_there_is_mentioned_once(tmp_path: Path) -> None:
     app = LiveApp(config_with(free_port(), None), sinks=[ears], autostart=False)
     begun_s = time.monotonic()
     asyncio.run(live(app, lambda: time.monotonic() - begun_s > 3.2, 10.0))
-    assert len([text for text in ears.texts("camera") if NO_CAMERA in text]) == 1
+    assert len([text for text in ears.texts("camera down") if NO_CAMERA in text]) == 1
 
 
 def test_the_key_file_is_looked_for_beside_the_configuration_that_names_it(tmp_path: Path) -> None:

@@ -24,5 +24,6 @@ def test_another_text_is_said_at_once() -> None:
 def test_after_it_has_worked_again_the_same_is_news() -> None:
     trouble = Trouble()
     said_at_s(trouble, range(5))
-    trouble.over()
+    assert trouble.over()
+    assert not trouble.over()
     assert said_at_s(trouble, range(5, 20)) == [5, 15]

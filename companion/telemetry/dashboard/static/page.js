@@ -74,30 +74,42 @@ function show(now) {
   showLadder(mission ? mission.phase : "idle");
   $("note").textContent = mission ? mission.note : "";
   fill($("numbers"), [
-    ["to the pad N, E", pair(mission && mission.position_m, "m")],
+    ["from the pad N, E", pair(mission && mission.position_m, "m")],
     ["height above pad", number(mission && mission.height_m, "m")],
-    ["speed against it N, E", pair(mission && mission.velocity_m_s, "m/s")],
+    ["against it N, E", pair(mission && mission.velocity_m_s, "m/s")],
     ["pad seen", mission && mission.is_seen ? "yes" : "no"],
     ["pad, 1 sigma", number(pad && pad.sigma_m, "m")],
     ["pad speed", pad ? number(Math.hypot(pad.velocity_m_s[0], pad.velocity_m_s[1]), "m/s") : "–"],
-    ["last sight, last beacon", pad ? `${age(pad.vision_age_s)}, ${age(pad.beacon_age_s)}` : "–"],
+    ["last sight, beacon", pad ? `${age(pad.vision_age_s)}, ${age(pad.beacon_age_s)}` : "–"],
     ["motion model", pad ? pad.model : "–"],
-    ["vehicle speed N, E, D", vehicle ? vehicle.velocity_m_s.map((v) => v.toFixed(2)).join(", ") : "–"],
-    ["setpoint N, E, D", now.setpoint_m_s ? now.setpoint_m_s.map((v) => v.toFixed(2)).join(", ") : "none"],
+    ["vehicle N, E, D", triple(vehicle && vehicle.velocity_m_s) ?? "–"],
+    ["setpoint N, E, D", triple(now.setpoint_m_s) ?? "none"],
     ["go-arounds", mission ? String(mission.go_arounds) : "–"],
     ["battery", status && status.battery !== null ? `${(100 * status.battery).toFixed(0)} %` : "–"],
-    ["rates state, setpoint", `${now.rates_hz.state}, ${now.rates_hz.setpoints} Hz`],
+    ["state, setpoints", `${now.rates_hz.state}, ${now.rates_hz.setpoints} Hz`],
     ["frames, seen, beacon", `${now.rates_hz.frames}, ${now.rates_hz.seen}, ${now.rates_hz.beacon} Hz`],
     ["time", `${now.t_s.toFixed(1)} s`],
   ]);
-  $("health").replaceChildren(...now.health.map((h) => lamp(document.createElement("li"), h.level, `${h.subject}: ${h.text}`)));
+  showHealth(now.health);
   for (const event of now.events) addEvent(event);
   if (mission && mission.position_m) {
     trail.push(mission.position_m);
     if (trail.length > TRAIL) trail.shift();
     drawPlan(now);
     drawSide(now);
+  } else {
+    for (const id of ["plan", "side"]) sayEmpty($(id), "no pad known yet");
   }
+}
+
+function showHealth(health) {
+  const worstFirst = [...health].sort((a, b) => b.level - a.level);
+  const lines = worstFirst.map((h) => {
+    const li = lamp(document.createElement("li"), h.level, `${h.subject}: ${h.text}`);
+    if (h.level === 0) li.className = "fine";
+    return li;
+  });
+  $("health").replaceChildren(...(lines.length ? lines : [lamp(document.createElement("li"), 0, "no warning")]));
 }
 
 function showLink(status) {
@@ -146,6 +158,7 @@ function lamp(element, level, text) {
 
 const number = (value, unit) => (value === null || value === undefined ? "–" : `${value.toFixed(2)} ${unit}`);
 const pair = (vector, unit) => (vector ? `${vector[0].toFixed(2)}, ${vector[1].toFixed(2)} ${unit}` : "–");
+const triple = (vector) => (vector ? `${vector.map((v) => v.toFixed(1)).join(", ")} m/s` : null);
 const age = (seconds) => (seconds === null ? "never" : `${seconds.toFixed(1)} s`);
 
 // ------------------------------------------------------------------------------------------------------------- drawing
@@ -222,6 +235,16 @@ function clear(pen, canvas) {
   pen.lineWidth = 1;
 }
 
+function sayEmpty(canvas, text) {
+  const pen = canvas.getContext("2d");
+  clear(pen, canvas);
+  pen.font = `${Math.round(canvas.width / 28)}px system-ui, sans-serif`;
+  pen.fillStyle = COLOUR.text;
+  pen.textAlign = "center";
+  pen.fillText(text, canvas.width / 2, canvas.height / 2);
+  pen.textAlign = "start";
+}
+
 function circle(pen, x, y, radius, label) {
   pen.strokeStyle = COLOUR.grid;
   pen.beginPath(); pen.arc(x, y, radius, 0, 7); pen.stroke();
@@ -274,4 +297,5 @@ function step(span) {
 
 const round = (value) => Number(value.toPrecision(3));
 
+sayEmpty($("camera"), "no picture yet");
 begin();

@@ -7,6 +7,7 @@ import json
 import random
 from pathlib import Path
 
+import pyarrow.parquet
 import pytest
 from pymavlink import mavutil
 from typer.testing import CliRunner, Result
@@ -68,7 +69,26 @@ def test_parquet_without_pyarrow_says_what_is_missing(tmp_path: Path, monkeypatc
     monkeypatch.setitem(__import__("sys").modules, "pyarrow", None)
     done = invoked("export", TLOG, "--out", tmp_path, "--format", "parquet")
     assert done.exit_code == 2
-    assert "pip install pyarrow" in done.stderr
+    assert "pip install 'companion[parquet]'" in done.stderr
+
+
+@pytest.mark.parametrize("log", [MCAP, TLOG], ids=lambda path: path.suffix)
+def test_parquet_holds_what_the_csv_holds(log: Path, tmp_path: Path) -> None:
+    content = read_log(log)
+    tables = {name.strip("/").replace("/", "_"): content.table(name) for name in content.counts}
+    for written in export(log, tmp_path, form="parquet"):
+        read = pyarrow.parquet.read_table(written)
+        table = tables[written.stem]
+        assert read.column_names == ["t_s", *table.columns]
+        assert read.num_rows == len(table.t_s)
+        for name, values in table.columns.items():
+            assert repr(read[name].to_pylist()) == repr(values), name  # not a number is equal to itself
+
+
+def test_an_array_that_is_sometimes_null_is_columns_of_its_elements_only() -> None:
+    names = read_log(MCAP).table("/vehicle_status").columns
+    assert "home_position_ned_m[0]" in names
+    assert "home_position_ned_m" not in names
 
 
 @pytest.mark.parametrize(

@@ -205,7 +205,8 @@ def test_a_start_that_cannot_be_obeyed_waits_and_says_for_what() -> None:
     flight = Flight()
     assert flight.tick(operator=OperatorAction.START, frame_age_s=None) is Phase.IDLE
     assert flight.machine.note == "START waits: no camera frames"
-    assert flight.tick(frame_age_s=0.03) is Phase.ENGAGE
+    assert flight.tick(status=flight.status(home_position_ned_m=(0.0, 0.0, 0.0)), frame_age_s=0.03) is Phase.ENGAGE
+    assert [(h.level, h.text) for h in flight.health] == [(1, "START waits: no camera frames"), (0, "START obeyed")]
 
 
 def test_a_start_that_cannot_be_obeyed_in_time_is_refused_with_its_reasons_and_stays_refused() -> None:

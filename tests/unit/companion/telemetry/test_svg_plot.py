@@ -27,11 +27,28 @@ def test_a_chart_is_well_formed_and_names_its_parts() -> None:
 
 
 def test_a_gap_in_the_data_breaks_the_line() -> None:
-    line = Line("", "#000", [0.0, 1.0, 2.0, 3.0], [0.0, 1.0, None, 3.0])
+    line = Line("", "#000", [0.0, 1.0, 2.0, 3.0, 4.0], [0.0, 1.0, None, 3.0, 4.0])
     path = ET.fromstring(svg(Chart("", "", "", (line,)))).find("path")
     assert path is not None
     assert path.attrib["d"].count("M") == 2
 
 
-def test_an_empty_chart_is_still_a_chart() -> None:
-    ET.fromstring(svg(Chart("nothing yet", "t", "m", ())))
+def test_an_empty_chart_is_a_chart_and_says_so() -> None:
+    root = ET.fromstring(svg(Chart("delays", "t", "m", ())))
+    assert "nothing of this in the log" in "".join(root.itertext())
+
+
+def test_a_line_is_cut_where_it_leaves_the_range_and_does_not_run_along_the_edge() -> None:
+    line = Line("", "#000", [0.0, 1.0, 2.0, 3.0, 4.0], [0.0, 4.0, 4.0, 4.0, 0.0])
+    chart = Chart("", "", "", (line,), x_range=(0.0, 4.0), y_range=(0.0, 2.0), width=468.0, height=260.0)
+    path = ET.fromstring(svg(chart)).find("path")
+    assert path is not None
+    # the axes are 400 x 200 px from (56, 226) to (456, 26): the line is over 2 from 0.5 on, one pixel is spare
+    assert path.attrib["d"] == "M56.0 226.0L106.2 25.0M405.8 25.0L456.0 226.0"
+
+
+def test_a_line_that_crosses_the_whole_range_between_two_points_is_seen() -> None:
+    chart = Chart("", "", "", (Line("", "#000", [0.0, 1.0], [-9.0, 9.0]),), y_range=(0.0, 2.0))
+    path = ET.fromstring(svg(chart)).find("path")
+    assert path is not None
+    assert path.attrib["d"].count("L") == 1
