@@ -259,7 +259,7 @@ class Pipeline:
     def _fly(
         self, phase: Phase, facts: Facts, pose: VehiclePose | None, pad: PadEstimate | None, dt_s: float
     ) -> list[Output]:
-        goal = goal_of(phase, facts, self._config.mission)
+        goal = goal_of(phase, facts, self._config.mission, phase_age_s=self._machine.age_s(facts.t_ns))
         if goal is None or pose is None or not self._may_send(facts):
             self._setpoint = None
             return []
@@ -320,7 +320,7 @@ class Pipeline:
             still = Reference(ZERO, ZERO, ZERO)
             return still, still
         if goal.style == "press":
-            pressing = Reference(ZERO, goal.velocity_m_s, (0.0, 0.0, self._config.mission.press_acceleration_m_s2))
+            pressing = Reference(ZERO, goal.velocity_m_s, goal.acceleration_m_s2)
             return pressing, pressing
         if goal.style == "pattern":
             return self._pattern(t_ns)

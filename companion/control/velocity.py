@@ -20,6 +20,10 @@ from companion.messages import Vec3
 INTEGRATE_WITHIN_M = 1.0
 """Beyond this error the integral would only learn the approach, not the wind."""
 
+PRESSED_LEAN = 0.5
+"""On the deck the feet's friction carries the vehicle through the curve as well. With this part of the lean it comes down on
+all its feet; with none of it, it slides."""
+
 
 class VelocityLaw:
     """`controller = "velocity"`."""
@@ -41,7 +45,8 @@ class VelocityLaw:
         acceleration = add(control.pad_acceleration_ahead_m_s2, control.reference_ahead.acceleration_m_s2)
         acceleration = add(acceleration, self._steady_demand(control))
         if not control.feedback:
-            return ControlOutput(forward, acceleration)
+            north, east, down = acceleration
+            return ControlOutput(forward, (PRESSED_LEAN * north, PRESSED_LEAN * east, down))
         error = subtract(control.reference.position_m, control.relative_position_m)
         error_rate = subtract(control.reference.velocity_m_s, control.relative_velocity_m_s)
         self._integrate(error, control.dt_s)

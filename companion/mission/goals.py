@@ -11,6 +11,7 @@ from companion.messages import Phase, Vec3
 from companion.mission.contact import window_is_closed
 from companion.mission.facts import Facts
 from companion.mission.guards import sight_age_s
+from companion.mission.press import press
 from companion.mission.waiting_place import waiting_place_m
 
 Frame = Literal["pad", "start"]
@@ -22,13 +23,14 @@ class Goal:
     """`position_m` is vehicle minus pad (or minus start), NED axes.
 
     Styles: `plan` a planner flies there; `level` the same at the height of the moment; `ramp` straight down at `velocity_m_s`; `press` no position feedback, only the
-    pad's velocity and a push down; `pattern` the search; `stay` hold where control was taken up.
+    pad's velocity, a push down and `acceleration_m_s2`; `pattern` the search; `stay` hold where control was taken up.
     """
 
     frame: Frame
     style: Style
     position_m: Vec3 = ZERO
     velocity_m_s: Vec3 = ZERO
+    acceleration_m_s2: Vec3 = ZERO
     max_descent_m_s: float | None = None
 
 
@@ -36,7 +38,7 @@ WAIT_MARGIN_M = 0.4
 """Above the commit height: from here the touchdown window counts."""
 
 
-def goal_of(phase: Phase, facts: Facts, mission: Mission) -> Goal | None:
+def goal_of(phase: Phase, facts: Facts, mission: Mission, *, phase_age_s: float = 0.0) -> Goal | None:
     """None where no setpoint is to be sent."""
     match phase:
         case Phase.ENGAGE:
@@ -52,7 +54,8 @@ def goal_of(phase: Phase, facts: Facts, mission: Mission) -> Goal | None:
         case Phase.COMMIT:
             return Goal("pad", "ramp", ZERO, (0.0, 0.0, mission.final_descent_speed_m_s))
         case Phase.TOUCHDOWN:
-            return Goal("pad", "press", ZERO, (0.0, 0.0, mission.press_speed_m_s))
+            sink_m_s, down_m_s2 = press(phase_age_s, mission)
+            return Goal("pad", "press", ZERO, (0.0, 0.0, sink_m_s), (0.0, 0.0, down_m_s2))
         case _:
             return None
 

@@ -136,7 +136,7 @@ class Machine:
     def _context(self, t_ns: int) -> Context:
         return Context(
             phase=self.phase,
-            phase_age_s=self._age_s(t_ns),
+            phase_age_s=self.age_s(t_ns),
             flight_age_s=0.0 if self._flight_since_ns is None else (t_ns - self._flight_since_ns) / 1e9,
             above_pad_for_s=self._above_pad_for_s,
             go_arounds=self.go_arounds,
@@ -170,7 +170,8 @@ class Machine:
         self._above_pad_for_s = 0.0
         self._last_request = None
 
-    def _age_s(self, t_ns: int) -> float:
+    def age_s(self, t_ns: int) -> float:
+        """How long the phase has lasted."""
         return 0.0 if self._since_ns is None else (t_ns - self._since_ns) / 1e9
 
     def _request(self, facts: Facts) -> VehicleCommand | None:
@@ -194,7 +195,7 @@ class Machine:
             if status.mode is not AutopilotMode.TAKEOFF and facts.height_above_start_m < 1.0:
                 height_m = self._mission.takeoff_height_m
                 return VehicleCommand(t_ns, CommandKind.TAKEOFF, "take-off", height_m=height_m)
-        if self.phase is Phase.ENGAGE and self._age_s(t_ns) >= STREAM_BEFORE_OFFBOARD_S:
+        if self.phase is Phase.ENGAGE and self.age_s(t_ns) >= STREAM_BEFORE_OFFBOARD_S:
             return VehicleCommand(t_ns, CommandKind.OFFBOARD, "setpoints are streaming")
         if self.phase is Phase.HOLD and status.mode is not AutopilotMode.HOLD:
             return VehicleCommand(t_ns, CommandKind.HOLD, self.note) if self._may_leave_offboard(facts) else None

@@ -68,6 +68,13 @@ def test_without_feedback_only_the_feed_forward_is_left() -> None:
     assert out.velocity_ned_m_s == (4.0, 1.0, 0.0)
 
 
+def test_on_the_deck_half_the_lean_of_the_curve_is_asked_for() -> None:
+    curve = replace(WITH_PAD, pad_acceleration_ahead_m_s2=(0.0, 2.8, 0.0))
+    flying, pressing = law().update(curve), law().update(replace(curve, feedback=False))
+    assert flying.acceleration_ned_m_s2[1] == pytest.approx(2.8)
+    assert pressing.acceleration_ned_m_s2[1] == pytest.approx(1.4)
+
+
 def test_speed_is_cut_with_its_direction_kept() -> None:
     cut = limited_velocity((30.0, 40.0, 9.0), max_speed_m_s=10.0, max_climb_m_s=3.0, max_descent_m_s=1.5)
     assert cut == pytest.approx((6.0, 8.0, 1.5))
