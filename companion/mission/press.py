@@ -24,4 +24,3 @@ def press(age_s: float, mission: Mission) -> tuple[float, float]:
     share = min(1.0, max(0.0, age_s - RIGHTING_S) / GROWTH_S)
     gentle = min(GENTLE * mission.final_descent_speed_m_s, mission.press_speed_m_s)
     return gentle + share * (mission.press_speed_m_s - gentle), share * mission.press_acceleration_m_s2
-
