@@ -1,6 +1,6 @@
 """How closely the simulator's vehicle answers setpoints as the recorded PX4 did.
 
-    python benchmarks/px4_fidelity.py DIR [--json] [--plots DIR] [--airframe NAME] [--own-horizontal]
+    python benchmarks/px4_fidelity.py DIR [--json] [--plots DIR] [--airframe NAME] [--own-horizontal | --recorded-error]
 
 Each file of DIR (format of px4_recording.py or px4_landing.py) is replayed without noise and compared with PX4's *estimated* response along
 the direction that was commanded: velocity, or position, or heading (rate). `nrmse` is the RMS difference as a fraction of the
@@ -24,6 +24,7 @@ import numpy as np
 from px4_landing import (
     Flight,
     FlightReplay,
+    Given,
     first_time,
     is_flight_recording,
     order_of,
@@ -43,7 +44,6 @@ TILT_DEG, REACTION_S = 3.0, 0.02
 RISE_FROM_M_S = 3.0
 _AIRFRAMES = Path(__file__).parent.parent / "configs" / "airframes"
 _REACTION_LEAN = 0.03
-_STANDING_M = 0.02
 
 
 @dataclass(frozen=True, slots=True)
@@ -278,12 +278,11 @@ def score(recording: Recording, airframe: Airframe) -> tuple[Row, Comparison]:
 
 
 def score_flight(
-    name: str, recorded: Flight, airframe: Airframe, own_horizontal: bool = False
+    name: str, recorded: Flight, airframe: Airframe, given: Given = Given.HORIZONTAL
 ) -> tuple[Row, Comparison]:
     """Fly one take-off or landing again and judge its vertical speed (or height) until touchdown."""
     order = order_of(name)
-    lands = order.kind in ("autoland", "land_auto") and not own_horizontal
-    replay = FlightReplay(order, airframe, *start_and_ground_z_m(order, recorded), recorded if lands else None)
+    replay = FlightReplay(order, airframe, *start_and_ground_z_m(order, recorded, given), recorded, given)
     stub = replay.run(float(recorded.t_s[-1]))
     down_s, stub_down_s = touchdown_s(recorded), touchdown_s(stub)
     ends = [float(recorded.t_s[-1])]
@@ -314,21 +313,12 @@ def _flight_error(recorded: Flight, keep: Array, is_height: bool) -> Array:
     known = ~np.isnan(true)
     t_s = recorded.t_s[keep]
     if not known.any():
-        # Without recorded truth it is known only that a vehicle stands where its range sensor says 0 m.
-        return (recorded.vz_m_s[keep] * _stands(recorded, t_s))[:, None]
+        return np.zeros((len(t_s), 1))
     reference = np.interp(t_s, recorded.t_s[known], true[known])
     if is_height:
         estimate = recorded.z_m[keep] - recorded.z_m[keep][0]
         return (estimate + reference - reference[0])[:, None]
     return (recorded.vz_m_s[keep] - reference)[:, None]
-
-
-def _stands(recorded: Flight, t_s: Array) -> Array:
-    """1 while the range sensor says 0 m, else 0."""
-    known = ~np.isnan(recorded.range_m)
-    if not known.any():
-        return np.zeros(len(t_s))
-    return (np.interp(t_s, recorded.t_s[known], recorded.range_m[known]) < _STANDING_M).astype(float)
 
 
 def _landing_times(recorded: Flight, stub: Flight, down_s: float | None, stub_down_s: float | None) -> dict[str, Pair]:
@@ -356,7 +346,7 @@ def score_folder(
     folder: Path,
     airframe: str | None = None,
     on_compared: Callable[[Row, Comparison], None] | None = None,
-    own_horizontal: bool = False,
+    given: Given = Given.HORIZONTAL,
 ) -> list[Row]:
     """Rows for all files of a folder that have this format, by name."""
     rows = []
@@ -365,7 +355,7 @@ def score_folder(
         if is_step_recording(path):
             row, comparison = score(read_recording(path), vehicle)
         elif is_flight_recording(path):
-            row, comparison = score_flight(path.stem, read_flight(path), vehicle, own_horizontal)
+            row, comparison = score_flight(path.stem, read_flight(path), vehicle, given)
         else:
             continue
         rows.append(row)
@@ -403,8 +393,21 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("folder", type=Path)
     parser.add_argument("--json", action="store_true", help="rows as JSON")
     parser.add_argument("--plots", type=Path, help="write an overlay of each file as SVG into this folder")
-    parser.add_argument(
-        "--own-horizontal", action="store_true", help="AUTO.LAND without the recorded horizontal estimate"
+    inputs = parser.add_mutually_exclusive_group()
+    inputs.add_argument(
+        "--own-horizontal",
+        action="store_const",
+        dest="given",
+        const=Given.NOTHING,
+        default=Given.HORIZONTAL,
+        help="AUTO.LAND without the recorded horizontal estimate",
+    )
+    inputs.add_argument(
+        "--recorded-error",
+        action="store_const",
+        dest="given",
+        const=Given.ERROR,
+        help="take-offs and landings with the recorded vertical error of the estimate as input",
     )
     parser.add_argument("--airframe", help="a file of configs/airframes; default by the folder's name")
     options = parser.parse_args(arguments)
@@ -415,7 +418,7 @@ def main(arguments: list[str] | None = None) -> int:
             title = f"{row.name}: {row.quantity}, difference {row.nrmse:.3f} of the step, allowed {row.allowed:.3f}"
             write_plot(options.plots / f"{row.name}.svg", title, c.t_s, c.along(c.recorded), c.along(c.stub))
 
-    rows = score_folder(options.folder, options.airframe, plot, options.own_horizontal)
+    rows = score_folder(options.folder, options.airframe, plot, options.given)
     print(json.dumps([asdict(row) for row in rows], indent=1) if options.json else _table(rows))
     return 0 if rows and all(row.passed for row in rows) else 1
 

@@ -5,7 +5,8 @@ The command is in the file's name: `offland_0.5_rng` (OFFBOARD, sinking 0.5 m/s 
 descent, AUTO.LAND, arming, or the loss of GNSS. No noise, no estimate error. PX4 steers by its estimate, so the flight starts at the
 estimated z, and the ground lies at the z that PX4 believed at touchdown. In AUTO.LAND the recorded horizontal estimate is an input: PX4's
 trajectory, the height's too, runs the slower the further the vehicle is behind it horizontally, and its estimate wanders by
-decimetres; `--own-horizontal` of px4_fidelity.py leaves it out. NED, seconds since the command. Read by px4_fidelity.py.
+decimetres; `--own-horizontal` of px4_fidelity.py leaves it out. `--recorded-error` gives the vehicle the recording's vertical error as well
+and compares estimate with estimate: what is left then is not the estimator's. NED, seconds since the command. Read by px4_fidelity.py.
 """
 
 from __future__ import annotations
@@ -13,8 +14,9 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
-from math import nan
+from dataclasses import dataclass, replace
+from enum import Enum, auto
+from math import isfinite, nan
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +34,10 @@ from sitl_stub.multirotor import Multirotor, VehicleTruth
 GROUND_ALTITUDE_M = 489.4
 _STEP_US, _STREAM_US, _BEFORE_US = 4_000, 50_000, 2_000_000
 _RANGE_LEAST_M, _RANGE_MAX_M = 0.05, 100.0
+_RANGE_WRAP_M = 655.36
+"""The message counts unsigned centimetres; SIH's vehicle sinks a little below its ground."""
+_SLOPE_S, _RANGE_AGE_S = 0.25, 0.1
+_SMOOTH_STEPS = 25
 _LOCAL_NED = 1
 _ONLY_VELOCITY, _ONLY_POSITION = 0b0101_1100_0111, 0b1001_1111_1000
 _ARM, _TAKEOFF = 400, 22
@@ -71,6 +77,10 @@ class Order:
     def starts_on_ground(self) -> bool:
         return self.kind == "takeoff"
 
+    @property
+    def is_landing_mode(self) -> bool:
+        return self.kind in ("autoland", "land_auto")
+
 
 def is_flight_recording(path: Path) -> bool:
     """Has the columns of the take-off and landing campaign, and a name that says what was commanded."""
@@ -96,15 +106,19 @@ def read_flight(path: Path) -> Flight:
     def column(name: str) -> Array:
         return np.array([float(row[name]) if row.get(name) else np.nan for row in rows])
 
+    t_s, height_m, true_vz_m_s = column("t_s"), column("true_alt_m") - GROUND_ALTITUDE_M, column("true_vz")
     range_m = column("range_m")
+    if np.isnan(true_vz_m_s).all():
+        height_m = np.where(range_m > _RANGE_MAX_M, range_m - _RANGE_WRAP_M, range_m)
+        true_vz_m_s = _descent_by_range(t_s, height_m)
     range_m[range_m > _RANGE_MAX_M] = nan
     landed = np.array([nan if not row["landed_state"] else float(row["landed_state"] == "ON_GROUND") for row in rows])
     return Flight(
-        column("t_s"),
+        t_s,
         column("z"),
         column("vz"),
-        column("true_vz"),
-        column("true_alt_m") - GROUND_ALTITUDE_M,
+        true_vz_m_s,
+        height_m,
         landed,
         column("armed"),
         range_m,
@@ -112,8 +126,37 @@ def read_flight(path: Path) -> Flight:
     )
 
 
+def _descent_by_range(t_s: Array, height_m: Array) -> Array:
+    """True vertical speed where no truth was recorded: SIH's range sensor has no error over its flat ground.
+
+    Slope of the readings within _SLOPE_S, which are _RANGE_AGE_S old: for the two recordings whose truth is in a log this is within
+    0.03 m/s (rms) of it.
+    """
+    seen = np.flatnonzero(~np.isnan(height_m))
+    t_seen_s, height_m = t_s[seen], height_m[seen]
+    slope = np.zeros(len(seen))
+    for row, t in enumerate(t_seen_s):
+        near = np.abs(t_seen_s - t) <= _SLOPE_S
+        age_s = t_seen_s[near] - t_seen_s[near].mean()
+        slope[row] = age_s @ height_m[near] / max(float(age_s @ age_s), 1e-9)
+    speed = np.full(len(t_s), np.nan)
+    if len(seen):
+        speed[seen] = -np.interp(t_seen_s, t_seen_s - _RANGE_AGE_S, slope)
+    return speed
+
+
+class Given(Enum):
+    """What of the recorded estimate the simulated vehicle is given."""
+
+    NOTHING = auto()
+    HORIZONTAL = auto()
+    """Horizontal position and velocity, in AUTO.LAND."""
+    ERROR = auto()
+    """That, and the vertical error."""
+
+
 class RecordedHorizontal(Estimator):
-    """An estimator without error whose horizontal position and velocity are the recording's."""
+    """An estimator without error whose horizontal position and velocity are the recording's, where it has them."""
 
     def __init__(self, parameters: Mapping[str, float | int], flight: Flight) -> None:
         super().__init__(parameters, np.random.default_rng(0), NO_ERRORS)
@@ -123,8 +166,36 @@ class RecordedHorizontal(Estimator):
         estimate = super().step(t_us, truth, range_m, dt_s)
         t_s = (t_us - _BEFORE_US) * 1e-6
         x, y, vx, vy = (float(np.interp(t_s, self._flight.t_s, values)) for values in self._flight.horizontal.T)
-        estimate.position_ned_m = (x, y, estimate.position_ned_m[2])
-        estimate.velocity_ned_m_s = (vx, vy, estimate.velocity_ned_m_s[2])
+        if isfinite(x + y + vx + vy):
+            estimate.position_ned_m = (x, y, estimate.position_ned_m[2])
+            estimate.velocity_ned_m_s = (vx, vy, estimate.velocity_ned_m_s[2])
+        return estimate
+
+
+class RecordedError(RecordedHorizontal):
+    """As that, and height and vertical speed are wrong by what the recording's were wrong by at that time."""
+
+    def __init__(self, parameters: Mapping[str, float | int], flight: Flight) -> None:
+        super().__init__(parameters, flight)
+        self._t_s = np.arange(flight.t_s[0], flight.t_s[-1], _STEP_US * 1e-6)
+        z, vz, height, true_vz = (
+            np.interp(self._t_s, flight.t_s[~np.isnan(values)], values[~np.isnan(values)])
+            for values in (flight.z_m, flight.vz_m_s, flight.height_m, flight.true_vz_m_s)
+        )
+        self._z_m, self._vz_m_s = z + height, vz - true_vz
+        padded = np.pad(self._z_m, _SMOOTH_STEPS, "edge")
+        smooth = np.convolve(padded, np.full(2 * _SMOOTH_STEPS + 1, 1.0 / (2 * _SMOOTH_STEPS + 1)), "valid")
+        self._rate_m_s = np.gradient(smooth, self._t_s)
+        self.vz_error_m_s = 0.0
+
+    def step(self, t_us: int, truth: VehicleTruth, range_m: float | None, dt_s: float) -> VehicleEstimate:
+        estimate = super().step(t_us, truth, range_m, dt_s)
+        row = int(np.clip(np.searchsorted(self._t_s, (t_us - _BEFORE_US) * 1e-6), 0, len(self._t_s) - 1))
+        self.vz_error_m_s = float(self._vz_m_s[row])
+        (x, y, z), (vx, vy, vz) = estimate.position_ned_m, estimate.velocity_ned_m_s
+        estimate.position_ned_m = (x, y, z + float(self._z_m[row]))
+        estimate.velocity_ned_m_s = (vx, vy, vz + self.vz_error_m_s)
+        estimate.height_rate_ned_m_s += float(self._rate_m_s[row])
         return estimate
 
 
@@ -137,9 +208,9 @@ class FlightReplay:
         airframe: Airframe,
         start_z_m: float,
         ground_z_m: float,
-        recorded: Flight | None = None,
+        recorded: Flight,
+        given: Given = Given.HORIZONTAL,
     ) -> None:
-        """`recorded`: take its horizontal estimate as the vehicle's own."""
         options = AutopilotOptions(
             errors=NO_ERRORS,
             home_error_scale=0.0,
@@ -150,8 +221,10 @@ class FlightReplay:
         )
         self._order = order
         self._autopilot = Autopilot(airframe, None, np.random.default_rng(0), options)
-        if recorded is not None:
-            self._autopilot.estimator = RecordedHorizontal(self._autopilot.parameters.as_mapping(), recorded)
+        if not order.is_landing_mode or given is Given.NOTHING:
+            recorded = replace(recorded, horizontal=np.full((len(recorded.t_s), 4), nan))
+        kind = RecordedError if given is Given.ERROR else RecordedHorizontal
+        self._autopilot.estimator = kind(self._autopilot.parameters.as_mapping(), recorded)
         signal = 0.0 if order.starts_on_ground else airframe.hover_signal
         self._ground_z_m = ground_z_m
         self._body = Multirotor(airframe, (0.0, 0.0, start_z_m), motors=(signal, signal, signal, signal))
@@ -179,11 +252,17 @@ class FlightReplay:
                     s.vz,
                     float(autopilot.land_detector.landed),
                     float(autopilot.is_armed),
+                    self._vz_error_m_s,
                 )
             )
-        t_s, z, vz, landed, armed = np.array(rows).T
+        t_s, z, vz, landed, armed, error = np.array(rows).T
         height, horizontal = self._ground_z_m - z, np.zeros((len(t_s), 4))
-        return Flight(t_s, z, vz, vz, height, landed, armed, height, horizontal)
+        return Flight(t_s, z, vz + error, vz, height, landed, armed, height, horizontal)
+
+    @property
+    def _vz_error_m_s(self) -> float:
+        estimator = self._autopilot.estimator
+        return estimator.vz_error_m_s if isinstance(estimator, RecordedError) else 0.0
 
     def _stop_at_the_ground(self) -> None:
         """SIH's ground: it holds the vehicle while the net force points down, without bounce or sliding."""
@@ -196,7 +275,7 @@ class FlightReplay:
         autopilot, order = self._autopilot, self._order
         streams = order.what in ("offboard_vel", "offboard_pos") or not order.starts_on_ground
         after = t_us >= _BEFORE_US
-        if streams and t_us % _STREAM_US == 0 and not (after and order.kind in ("autoland", "land_auto")):
+        if streams and t_us % _STREAM_US == 0 and not (after and order.is_landing_mode):
             autopilot.receive_local_target(self._target(after))
         if streams and t_us == 2 * _STREAM_US:
             autopilot.commander.request_mode(NavState.OFFBOARD)
@@ -206,7 +285,7 @@ class FlightReplay:
 
     def _give_order(self) -> None:
         autopilot, order = self._autopilot, self._order
-        if order.kind in ("autoland", "land_auto"):
+        if order.is_landing_mode:
             autopilot.commander.request_mode(NavState.AUTO_LAND)
         elif order.kind == "gps_loss":
             autopilot.estimator.gnss_available = False
@@ -223,13 +302,17 @@ class FlightReplay:
         return LocalTarget(_LOCAL_NED, _ONLY_VELOCITY, (0.0,) * 3, (0.0, 0.0, vz), (0.0,) * 3, 0.0, 0.0)
 
 
-def start_and_ground_z_m(order: Order, flight: Flight) -> tuple[float, float]:
+def start_and_ground_z_m(order: Order, flight: Flight, given: Given = Given.HORIZONTAL) -> tuple[float, float]:
     """Estimated z when the command was given, and where PX4 believed the ground.
 
-    That is its z at touchdown; where no truth tells when, its z plus what the range sensor read (the median); else zero.
+    That is its z at touchdown; where no truth tells when, its z plus what the range sensor read (the median); else zero. With the error
+    given both are true: z over the ground, and zero.
     """
     if order.starts_on_ground:
         return 0.0, 0.0
+    if given is Given.ERROR:
+        known = ~np.isnan(flight.height_m)
+        return -float(np.interp(0.0, flight.t_s[known], flight.height_m[known])), 0.0
     down_s, seen = touchdown_s(flight), np.flatnonzero(flight.range_m > _RANGE_LEAST_M)
     ground_z_m = 0.0
     if down_s is not None:

@@ -372,9 +372,9 @@ class Autopilot:
         self.endpoint.tell(notice)
 
     def _refresh_limits(self) -> None:
-        """Automatic modes leave the controller a fifth more than their own greatest vertical speeds."""
+        """Automatic modes leave the controller a fifth more than their own greatest speed of descent."""
         get = self.parameters.get
-        self._climb_limits_m_s = get("MPC_Z_VEL_MAX_UP"), _AUTOMATIC_MARGIN * get("MPC_Z_V_AUTO_UP")
+        self._climb_max_m_s = get("MPC_Z_VEL_MAX_UP")
         self._descent_limits_m_s = get("MPC_Z_VEL_MAX_DN"), _AUTOMATIC_MARGIN * get("MPC_Z_V_AUTO_DN")
 
     def _refresh(self, name: str) -> None:
@@ -568,7 +568,7 @@ class Autopilot:
         c.thrust_off = state < TakeoffState.RAMP_UP or (c.is_flying and self.land_detector.ground_contact)
         c.climb_limit_m_s = c.descent_limit_m_s = nan
         if state is TakeoffState.RAMP_UP:
-            c.climb_limit_m_s = self.takeoff.climb_limit_m_s(dt_s, self._climb_limits_m_s[is_automatic])
+            c.climb_limit_m_s = self.takeoff.climb_limit_m_s(dt_s, self._climb_max_m_s)
             # A negative climb limit of the ramp goes before the limit of descent.
             c.descent_limit_m_s = max(-c.climb_limit_m_s, self._descent_limits_m_s[is_automatic])
 

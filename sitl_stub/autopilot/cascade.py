@@ -128,6 +128,7 @@ class Cascade:
         self._since_position_us = POSITION_PERIOD_US
         self._invalid_for_s = 0.0
         self._is_in_air = False
+        self._ground_z_m = 0.0
 
     def start_in_flight(
         self,
@@ -330,9 +331,11 @@ class Cascade:
     def _estimate_hover_thrust(self, dt_s: float, estimate: VehicleEstimate, constraints: FlightConstraints) -> None:
         if constraints.landed:
             self._is_in_air = False
+            self._ground_z_m = estimate.position_ned_m[2]
         elif not self._is_in_air:
-            height_m = estimate.height_above_bottom_m
-            self._is_in_air = height_m is None or height_m > _IN_AIR_ABOVE_M
+            seen_m = estimate.height_above_bottom_m
+            height_m = self._ground_z_m - estimate.position_ned_m[2] if seen_m is None else seen_m
+            self._is_in_air = height_m > _IN_AIR_ABOVE_M
         if not (self._uses_estimator and self._is_in_air):
             return
         thrust_up = -self.position_setpoint.thrust_ned[2]

@@ -1,7 +1,8 @@
 """PX4's take-off handling: spool-up with zero thrust, then a ramp of the allowed climb rate, then flight.
 
-The ramp starts at the climb rate that asks for zero thrust (-g / MPC_Z_VEL_P_ACC) and ends after MPC_TKO_RAMP_T at MPC_Z_VEL_MAX_UP, in
-automatic modes at 1.2 MPC_Z_V_AUTO_UP: in OFFBOARD the vehicle leaves the ground 3 s after arming, in AUTO.TAKEOFF, which asks for less, about 1 s later. Called by the autopilot each control step.
+The ramp starts at the climb rate that asks for zero thrust (-g / MPC_Z_VEL_P_ACC) and ends after MPC_TKO_RAMP_T at MPC_Z_VEL_MAX_UP: in
+OFFBOARD the vehicle leaves the ground 3 s after arming, in AUTO.TAKEOFF, which asks for less, about 1 s later. Called by the autopilot
+each control step.
 """
 
 from __future__ import annotations

@@ -118,6 +118,32 @@ def test_an_automatic_take_off_takes_as_long_as_recorded() -> None:
     assert within(auto_takeoff(489.4 + 10.0).when("mode", LOITER), 11.775)
 
 
+def test_the_climb_rate_that_an_automatic_take_off_allows_grows_as_logged() -> None:
+    """The log of a take-off: 1.041 m/s downwards 0.776 s after the ramp's begin, a second after arming, and 1.817 m/s^2."""
+    rig = on_ground()
+    rig.command(22, *[nan] * 7)
+    rig.arm()
+    seen = []
+    for since_arming_s in (1.776, 1.976):
+        rig.run(since_arming_s - (rig.t_s - 2.0))
+        seen.append(rig.autopilot.cascade.position_setpoint.velocity_ned_m_s[2])
+    assert seen[0] == pytest.approx(1.041, abs=0.03)
+    assert seen[0] - seen[1] == pytest.approx(0.2 * 1.817, abs=0.02)
+
+
+def test_the_hover_thrust_is_estimated_from_a_metre_above_the_ground_on() -> None:
+    """Logged: not before the distance to the bottom was 1 m; valid two seconds later."""
+    for has_range_sensor in (True, False):
+        rig = on_ground(has_range_sensor=has_range_sensor)
+        rig.command(22, *[nan] * 7)
+        rig.arm()
+        first = rig.autopilot.cascade.hover_thrust_estimator.variance
+        rig.run_until(lambda: rig.height_m > 0.9, 10.0)
+        assert rig.autopilot.cascade.hover_thrust_estimator.variance == first
+        rig.run_until(lambda: rig.height_m > 1.1, 10.0)
+        assert rig.autopilot.cascade.hover_thrust_estimator.variance < first
+
+
 def test_a_take_off_below_the_present_altitude_stays_on_the_ground_and_is_disarmed() -> None:
     watched = auto_takeoff(10.0)
     assert within(watched.when("armed", False), 11.146)
