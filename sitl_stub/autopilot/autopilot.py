@@ -113,6 +113,7 @@ class Autopilot:
         self._hover_signal = airframe.hover_signal
         values = self.parameters.as_mapping()
         self.estimator = Estimator(values, estimate_rng, options.errors)
+        self.estimator.begin_at_rest()
         self.cascade = Cascade(values)
         self.battery = Battery(self.parameters)
         self.manual_control = ManualControl(self.parameters)
@@ -217,6 +218,7 @@ class Autopilot:
     def step(self, t_us: int, truth: VehicleTruth, range_m: float | None, dt_s: float) -> Motors:
         """Advance to t_us and return the motor commands, 0 to 1."""
         self._t_us = self.telemetry.t_us = t_us
+        self.estimator.motors_run = self.commander.armed
         self.estimator.step(t_us, truth, range_m, dt_s)
         self.since_decision_us += round(dt_s * 1e6)
         if self.since_decision_us >= DECISION_PERIOD_US:

@@ -98,8 +98,11 @@ _YAW_SIGMA_RAD, _YAW_TIME_S = radians(4.0), 15.0
 _GROUND_HEIGHT_SIGMA_M, _GROUND_HEIGHT_TIME_S = 0.4, 60.0
 _DEAD_RECKONING_AFTER_US = 1_000_000
 _DEAD_RECKONING_DRIFT_M_S2 = 0.15
-_STANDING_PART = 0.1
-"""What is left of the velocity error while the estimator knows that the vehicle stands."""
+_RESTING_PART = 0.1
+"""What is left of the velocity error on the ground with stopped motors: nothing shakes the accelerometer there.
+
+While the motors run the error is whole, on the ground too: the recorded one stayed up to 0.7 m/s for 20 s after touchdown. It
+comes and goes with the pull of the random walk, without a step."""
 _ACCELERATION_NOISE_PART = 0.6
 
 
@@ -120,7 +123,8 @@ _YAW_OFFSET = 47
 _SINCE_ERROR_US = 48
 _SINCE_SLOW_S = 49
 POSITION, VELOCITY, ACCELERATION, HEIGHT_RATE, ATTITUDE, RATES, RATES_DOT, YAW = 50, 53, 56, 59, 60, 64, 67, 70
-SIZE = 71
+_PART = 71  # of the velocity error that there is now
+SIZE = 72
 MOST_NUMBERS_A_STEP = 20
 """More random numbers than a step can draw."""
 
@@ -194,15 +198,25 @@ def _drift(e: Any, dt_s: float, aided: bool) -> None:
 
 
 @used_by_kernels
+def _part_of_error(part: float, dt_s: float, resting: bool) -> float:
+    """It decays at rest as the walk's pull has it; else its square grows as a walk's variance does."""
+    share = dt_s / _VELOCITY_PULL_S
+    if resting:
+        return part + share * (_RESTING_PART - part)
+    return sqrt(part * part + 2.0 * share * (1.0 - part * part))
+
+
+@used_by_kernels
 def _step_errors(
-    e: Any, m: ErrorModel, tape: Any, at: int, yaw_rad: float, dt_s: float, aided: bool, standing: bool
+    e: Any, m: ErrorModel, tape: Any, at: int, yaw_rad: float, dt_s: float, aided: bool, resting: bool
 ) -> int:
     at = _step_walks(e, m, tape, at, dt_s)
     at = _reckon(e, m, tape, at, dt_s, aided)
     # Body-axis walks turned by the heading, slow errors and dead reckoning in W.
     c, s = cos(yaw_rad), sin(yaw_rad)
     forward, right = e[0], e[1]
-    part = _STANDING_PART if standing else 1.0
+    part = _part_of_error(e[_PART], dt_s, resting)
+    e[_PART] = part
     e[_VELOCITY_ERROR] = part * (c * forward - s * right + e[_SLOW] + e[_RECKONING])
     e[_VELOCITY_ERROR + 1] = part * (s * forward + c * right + e[_SLOW + 1] + e[_RECKONING + 1])
     e[_VELOCITY_ERROR + 2] = part * (e[2] + e[_SLOW + 2])
@@ -250,14 +264,14 @@ def step_estimate(
     acceleration: Vec3,
     dt_s: float,
     aided: bool,
-    standing: bool,
+    resting: bool,
 ) -> int:
     """Advance errors and estimate, both in the flat state `e`, from truth; gives the place on the tape after the numbers drawn."""
     x, y, z, vx, vy, vz, qw, qx, qy, qz, p, q, r, _, _, _, _ = state
     e[_SINCE_ERROR_US] += dt_s * 1e6
     if e[_SINCE_ERROR_US] >= _ERROR_DUE_US:
         yaw_rad = yaw_of((qw, qx, qy, qz))
-        at = _step_errors(e, m, tape, at, yaw_rad, e[_SINCE_ERROR_US] * 1e-6, aided, standing)
+        at = _step_errors(e, m, tape, at, yaw_rad, e[_SINCE_ERROR_US] * 1e-6, aided, resting)
         e[_SINCE_ERROR_US] = 0.0
     ax, ay, az = acceleration
     e[50], e[51], e[52] = x + e[22] + e[41], y + e[23] + e[42], z + e[24] + e[18] + e[43]
@@ -271,7 +285,7 @@ def step_estimate(
 
 
 class Estimator:
-    """Fills one `VehicleEstimate` from truth. `gnss_available` False is a GNSS loss."""
+    """Fills one `VehicleEstimate` from truth. `gnss_available` False is a GNSS loss; `motors_run` False is told by the autopilot."""
 
     def __init__(
         self,
@@ -281,6 +295,7 @@ class Estimator:
     ) -> None:
         self.estimate = VehicleEstimate()
         self.gnss_available = True
+        self.motors_run = True
         self.tape = NormalTape(rng)
         self._errors = errors
         self._parameters = parameters
@@ -301,7 +316,7 @@ class Estimator:
         values[_WALK:_RAW] = [walk.value for walk in walks]
         values[_RAW:_SLOW] = [error.raw for error in slow]
         values[_SLOW:_VELOCITY_ERROR] = [error.value for error in slow]
-        values[_ATTITUDE_ERROR] = values[ATTITUDE] = 1.0
+        values[_ATTITUDE_ERROR] = values[ATTITUDE] = values[_PART] = 1.0
         values[_SINCE_ERROR_US] = float(_ERROR_PERIOD_US)
         self.flat: Any = room(values)
 
@@ -325,8 +340,15 @@ class Estimator:
             1.0 / (2.0 * pi * cutoff_hz) if cutoff_hz > 0.0 else 0.0,
         )
 
+    def begin_at_rest(self) -> None:
+        """The vehicle has stood with stopped motors for long."""
+        self.motors_run = False
+        self.flat[_PART] = _RESTING_PART
+
     def settle(self, truth: VehicleTruth) -> None:
         """Start the filters as if the vehicle had been turning like this for long (starts in the air)."""
+        self.motors_run = True
+        self.flat[_PART] = 1.0
         for axis, rate in enumerate(truth.angular_velocity_frd_rad_s):
             self.flat[_GYRO + 2 * axis] = self.flat[_GYRO + 2 * axis + 1] = settled(self.model.gyro_filter, rate)
             self.flat[RATES + axis] = rate
@@ -354,7 +376,7 @@ class Estimator:
             truth.acceleration_ned_m_s2,
             dt_s,
             self.gnss_available,
-            truth.on_surface,
+            truth.on_surface and not self.motors_run,
         )
         self.estimate.height_above_bottom_m = range_m
         return self.show(t_us, self.flat)
@@ -362,7 +384,7 @@ class Estimator:
     def show(self, t_us: int, flat: Any) -> VehicleEstimate:
         """Copy a flat state into the estimate that everybody reads."""
         e = self.estimate
-        shown = flat[POSITION:SIZE].tolist() if COMPILED else flat[POSITION:SIZE]
+        shown = flat[POSITION:_PART].tolist() if COMPILED else flat[POSITION:_PART]
         x, y, z, vx, vy, vz, ax, ay, az, e.height_rate_ned_m_s, qw, qx, qy, qz, p, q, r, dp, dq, dr, e.yaw_rad = shown
         e.t_us = t_us
         e.position_ned_m, e.velocity_ned_m_s, e.acceleration_ned_m_s2 = (x, y, z), (vx, vy, vz), (ax, ay, az)
