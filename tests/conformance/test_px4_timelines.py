@@ -131,17 +131,17 @@ def test_the_climb_rate_that_an_automatic_take_off_allows_grows_as_logged() -> N
     assert seen[0] - seen[1] == pytest.approx(0.2 * 1.817, abs=0.02)
 
 
-def test_the_hover_thrust_is_estimated_from_a_metre_above_the_ground_on() -> None:
+@pytest.mark.parametrize("has_range_sensor", [True, False])
+def test_the_hover_thrust_is_estimated_from_a_metre_above_the_ground_on(has_range_sensor: bool) -> None:
     """Logged: not before the distance to the bottom was 1 m; valid two seconds later."""
-    for has_range_sensor in (True, False):
-        rig = on_ground(has_range_sensor=has_range_sensor)
-        rig.command(22, *[nan] * 7)
-        rig.arm()
-        first = rig.autopilot.cascade.hover_thrust_estimator.variance
-        rig.run_until(lambda: rig.height_m > 0.9, 10.0)
-        assert rig.autopilot.cascade.hover_thrust_estimator.variance == first
-        rig.run_until(lambda: rig.height_m > 1.1, 10.0)
-        assert rig.autopilot.cascade.hover_thrust_estimator.variance < first
+    rig = on_ground(has_range_sensor=has_range_sensor)
+    rig.command(22, *[nan] * 7)
+    rig.arm()
+    first = rig.autopilot.cascade.hover_thrust_estimator.variance
+    rig.run_until(lambda: rig.height_m > 0.9, 10.0)
+    assert rig.autopilot.cascade.hover_thrust_estimator.variance == first
+    rig.run_until(lambda: rig.height_m > 1.1, 10.0)
+    assert rig.autopilot.cascade.hover_thrust_estimator.variance < first
 
 
 def test_a_take_off_below_the_present_altitude_stays_on_the_ground_and_is_disarmed() -> None:
