@@ -10,6 +10,7 @@ from sitl_stub.camera.light import Glare, Light, Shadow
 from sitl_stub.camera.projection import Intrinsics
 from sitl_stub.camera.scene import Scene
 from sitl_stub.camera.spec import CameraSpec, Effects
+from sitl_stub.camera.stereo import StereoCamera
 from sitl_stub.capture import CameraChannel
 from sitl_stub.pad_layout import PadLayout
 from sitl_stub.randomness import generator
@@ -20,12 +21,16 @@ def camera_channels(flown: scenario.Scenario, pad: PadLayout, seed: int) -> list
     scene = Scene(pad=pad, ground=flown.light.ground)
     return [
         CameraChannel(
-            Camera(camera_spec(name, settings), scene),
+            eye_of(camera_spec(name, settings), scene),
             generator(seed, f"camera {name} timing"),
             generator(seed, f"camera {name} pixels"),
         )
         for name, settings in flown.cameras.items()
     ]
+
+
+def eye_of(spec: CameraSpec, scene: Scene) -> Camera | StereoCamera:
+    return StereoCamera(spec, scene) if spec.stereo_baseline_m > 0.0 else Camera(spec, scene)
 
 
 def camera_spec(name: str, settings: scenario.Camera) -> CameraSpec:
@@ -46,6 +51,7 @@ def camera_spec(name: str, settings: scenario.Camera) -> CameraSpec:
         delay_kind=settings.delay_kind,
         drop_probability=settings.drop_probability,
         exposure_s=settings.exposure_s,
+        stereo_baseline_m=settings.stereo_baseline_m,
         effects=Effects(
             noise_sigma=settings.noise_sigma,
             shot_noise_sigma=settings.shot_noise_sigma,

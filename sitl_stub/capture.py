@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from sitl_stub.camera.camera import Camera
 from sitl_stub.camera.scene import CameraView
+from sitl_stub.camera.stereo import StereoCamera
 from sitl_stub.rotation import Quaternion, Vec3, from_rotation_vector, multiply
 
 Image = npt.NDArray[np.uint8]
@@ -56,7 +57,9 @@ class Capture:
 class CameraChannel:
     """One camera's clock, delay, drops and faults. `rng` is its own; timing and pixels draw from different ones."""
 
-    def __init__(self, camera: Camera, rng_timing: np.random.Generator, rng_pixels: np.random.Generator) -> None:
+    def __init__(
+        self, camera: Camera | StereoCamera, rng_timing: np.random.Generator, rng_pixels: np.random.Generator
+    ) -> None:
         spec = camera.spec
         self.name = spec.name
         self.is_frozen = self.is_stopped = self.is_black = False

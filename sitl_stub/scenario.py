@@ -132,6 +132,13 @@ class Camera(Section, frozen=True):
     jpeg_quality: Annotated[int, Meta(ge=0, le=100)] = 0
     """Compress and decompress, as a network camera does; 0: not compressed."""
     motion_blur: bool = True
+    stereo_baseline_m: NonNegative = 0.0
+    """Above 0: a second camera so far to the right of this one, its picture beside this one's in one frame. `width_px` is then the
+    whole frame's, lens and place are the left camera's."""
+
+    def __post_init__(self) -> None:
+        if self.stereo_baseline_m > 0.0 and self.width_px % 2:
+            raise ValueError("an even number of pixels, two pictures beside each other - at `$.width_px`")
 
 
 class Light(Section, frozen=True):

@@ -49,8 +49,8 @@ def _notes(focal_px: float) -> tuple[str, ...]:
         f"Stereo: baseline 50 mm (not printed). Table 3 shows a PnP that reads {100.0 * (seen.marker_scale - 1.0):.1f} % long "
         f"and a pair {seen.out_of_line_px:.2f} px out of line; rendered with these two the crossover is there. With a perfect "
         "calibration PnP is as good as stereo at every distance: the product takes whichever expects the smaller variance.",
-        "The signs of the distortion are lost in the text; taken as +k1 -k2 +p1 +p2 +k3. The flights use the left camera's "
-        "PnP pose alone: below 5 m it is within 2 cm.",
+        "The signs of the distortion are lost in the text; taken as +k1 -k2 +p1 +p2 +k3. The flights use the detector "
+        "`stereo` on a frame of two pictures with a perfect calibration.",
         "Event trigger: 'without' is the yaw law `pad`, which corrects the whole way in. Here translation does not suffer from "
         "it, since position control works in north and east axes, so both land equally fast; the paper's body-frame PID does.",
         "The paper stops the motors above the deck and drops; here the vehicle goes down at 8 cm/s and stops them on the deck.",

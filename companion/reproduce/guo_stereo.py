@@ -106,7 +106,8 @@ class RangingBench:
     """The rig: marker, pair of cameras, detector."""
 
     def __init__(self, preset: config.Config) -> None:
-        self._lens = preset.cameras[preset.vision.camera]
+        frame = preset.cameras[preset.vision.camera]
+        self._lens = msgspec.structs.replace(frame, width_px=frame.width_px // 2)
         self._pad = preset.pad
         self._vision = preset.vision
         self.focal_px = self._lens.fx_px

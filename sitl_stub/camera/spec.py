@@ -29,7 +29,7 @@ class Effects:
 
 @dataclass(frozen=True, slots=True)
 class CameraSpec:
-    """`position_frd_m` is p_BC; `mount_deg` as in mount.py. `exposure_s` sets the motion blur, not the brightness (that is
+    """`position_frd_m` is p_BC; `mount_deg` as in mount.py. With a `stereo_baseline_m` each frame holds two pictures (stereo.py). `exposure_s` sets the motion blur, not the brightness (that is
     the light's). Delay of a frame from mid-exposure to hand-out: see delay.py."""
 
     name: str = "down"
@@ -46,6 +46,7 @@ class CameraSpec:
     delay_kind: str = "constant"
     drop_probability: float = 0.0
     exposure_s: float = 0.003
+    stereo_baseline_m: float = 0.0
     effects: Effects = field(default=Effects())
 
 

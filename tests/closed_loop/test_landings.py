@@ -15,6 +15,7 @@ from companion.messages import (
     AutopilotMode,
     CommandKind,
     OperatorAction,
+    PadObservation,
     Phase,
     PhaseChanged,
     VehicleCommand,
@@ -22,7 +23,8 @@ from companion.messages import (
 )
 from companion.messages import VelocitySetpoint as Setpoint
 from companion.onboard import JournalEntry
-from sitl_stub.scenario import load, with_overrides
+from companion.reproduce.watched_flight import preset
+from sitl_stub.scenario import find, load, with_overrides
 from sitl_stub.world import Truth
 
 pytestmark = pytest.mark.timeout(300)
@@ -40,7 +42,9 @@ class Witness:
 
     def journal(self, entries: Any) -> None:
         self.entries += [
-            e for e in entries if isinstance(e.message, Setpoint | VehicleCommand | PhaseChanged | VehicleStatus)
+            e
+            for e in entries
+            if isinstance(e.message, Setpoint | VehicleCommand | PhaseChanged | VehicleStatus | PadObservation)
         ]
 
     def truth(self, now_ns: int, truth: Truth) -> None:
@@ -72,6 +76,14 @@ def assert_landed(result: FlightResult, *, error_m: float) -> None:
 def test_the_vehicle_lands_on_a_pad_at_walking_pace(scenario: str, seed: int) -> None:
     result, _ = flown(scenario, seed)
     assert_landed(result, error_m=0.3)
+
+
+def test_a_stereo_camera_whose_frames_hold_both_pictures_lands_the_boat_papers_preset() -> None:
+    witness = Witness()
+    near = {"mission.follow_behind_m": 2.25}
+    result = fly(load(find("scenarios/papers", "guo_cart")), preset("guo", near), seed=2, sinks=(witness,))
+    assert_landed(result, error_m=0.3)
+    assert {seen.detector for seen in witness.of(PadObservation)} == {"stereo"}
 
 
 def test_it_takes_off_from_the_ground_first_when_it_stands_there() -> None:

@@ -73,6 +73,11 @@ def test_overrides_reach_into_tables_and_are_checked() -> None:
         scenario.with_overrides(loaded, {"path.speed": 3})
 
 
+def test_a_frame_of_two_pictures_has_an_even_width() -> None:
+    with pytest.raises(ScenarioError, match=r"width_px = 851: an even number of pixels"):
+        scenario.from_table({"cameras": {"front": {"width_px": 851, "stereo_baseline_m": 0.1}}})
+
+
 def test_a_parameter_that_px4_does_not_have_is_refused() -> None:
     loaded = scenario.with_overrides(scenario.load("line"), {"vehicle.parameters.MPC_XY_VEL_MAXX": 3.0, "cameras": {}})
     with pytest.raises(ScenarioError, match="MPC_XY_VEL_MAXX"):

@@ -20,6 +20,7 @@ from sitl_stub.camera.camera import Camera
 from sitl_stub.camera.projection import Intrinsics
 from sitl_stub.camera.scene import CameraView, Scene
 from sitl_stub.camera.spec import CameraSpec, Effects, stereo_pair
+from sitl_stub.camera.stereo import StereoCamera
 from sitl_stub.pad_layout import Marker, PadLayout
 
 CLEAN = Effects(noise_sigma=0.0, shot_noise_sigma=0.0, motion_blur=False)
@@ -160,6 +161,16 @@ def test_the_right_camera_of_a_stereo_pair_sees_the_marker_to_the_left_by_the_di
 
     assert np.abs(edge_offsets(picture(left, Scene(), seen), corners)).max() < 0.05
     assert np.abs(edge_offsets(picture(right, Scene(), seen), corners - disparity)).max() < 0.05
+
+
+def test_a_stereo_frame_holds_the_left_picture_and_then_the_right_one():
+    seen = view((0.0, 0.0, -2.55), (0.0, 0.0, 0.0))
+    whole = replace(SPEC, width_px=2 * SPEC.width_px, stereo_baseline_m=0.1)
+
+    frame = StereoCamera(whole, Scene()).render(seen, np.random.default_rng(1))
+
+    left, right = (picture(eye, Scene(), seen) for eye in stereo_pair(SPEC, 0.1))
+    assert (frame == np.hstack((left, right))).all()
 
 
 def brown_conrady(p_C, f, centre, k1, k2, p1, p2, k3):
