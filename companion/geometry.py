@@ -163,13 +163,10 @@ def slerp(a: Quaternion, b: Quaternion, fraction: float) -> Quaternion:
 
 def rotated_covariance(R: Mat3, covariance: Mat3) -> Mat3:
     """R C R^T."""
-    half = [[sum(R[i][k] * covariance[k][j] for k in range(3)) for j in range(3)] for i in range(3)]
-    rows = [tuple(sum(half[i][k] * R[j][k] for k in range(3)) for j in range(3)) for i in range(3)]
-    return (_vec3(rows[0]), _vec3(rows[1]), _vec3(rows[2]))
-
-
-def _vec3(row: tuple[float, ...]) -> Vec3:
-    return (row[0], row[1], row[2])
+    columns = tuple(zip(*covariance, strict=True))
+    half = [(dot(row, columns[0]), dot(row, columns[1]), dot(row, columns[2])) for row in R]
+    a, b, c = ((dot(row, R[0]), dot(row, R[1]), dot(row, R[2])) for row in half)
+    return (a, b, c)
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,6 @@ What it finds is a flat dictionary of figures: printed, compared with a golden f
 
 from __future__ import annotations
 
-import gc
 import math
 import time
 from collections import Counter
@@ -54,6 +53,7 @@ from companion.messages import (
     VelocitySetpoint,
 )
 from companion.pipeline import Pipeline
+from companion.uncollected import uncollected
 from companion.vision import DETECTORS, Detector
 from companion.vision.lens import from_config
 
@@ -141,13 +141,11 @@ def replay(path: Path, options: ReplayOptions) -> ReplayResult:
         raise ReplayError(f"{path}: not a .mcap, .tlog or .ulg")
     warm_up()  # machine code is loaded once for a program: that is no part of what a log costs
     started = time.perf_counter()
-    gc.disable()  # nothing here makes cycles, and looking for them costs a tenth
     try:
-        result = _KINDS[kind](path, options)
+        with uncollected():
+            result = _KINDS[kind](path, options)
     except (OSError, McapLogError, LogInputsError) as error:
         raise ReplayError(f"{path}: {error}") from error
-    finally:
-        gc.enable()
     result.wall_s = time.perf_counter() - started
     return result
 
@@ -421,6 +419,8 @@ class Figures:
         if self._watch is not None:
             self._watch(message)
         match message:
+            case VehicleState():
+                self._counts["vehicle_states"] += 1
             case VelocitySetpoint():
                 self.setpoints.append((message.t_ns, message.velocity_ned_m_s))
             case PadEstimate():
@@ -437,8 +437,6 @@ class Figures:
                 self.phases.append((at_s, str(message.after), message.reason))
             case VehicleCommand():
                 self._counts[f"asked_{message.kind}"] += 1
-            case VehicleState():
-                self._counts["vehicle_states"] += 1
             case PadObservation() | PadBearing() | PadNotSeen() | Tick():
                 self._counts[_COUNTED[type(message)]] += 1
             case _:
