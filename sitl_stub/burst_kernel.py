@@ -33,12 +33,12 @@ IMU_SCALE, RESETS, DRAIN, FULL_SINCE_US, HAS_RANGE, ASKED_POSITION, RANGE, SLOW_
 # Columns of the timetable, of the counters of a link, of what comes out, and of a frame made.
 DUE, ORDER, LAST_SENT, TIMETABLE_SIZE = 0, 1, 4, 5
 """Interval and kind between them."""
-FIRST, END, LINK_SIZE = 0, 1, 6
+FIRST, END, SEQUENCE, NEXT_DUE, LINK_SIZE = 0, 1, 2, 5, 6
 """Of the streams; then sequence number, messages and bytes sent, when something is due next."""
-RESULT_SIZE = 4
-"""Where it stopped, frames, place on the tape, last step with a message."""
+RESULT_SIZE = 5
+"""Where it stopped, frames, place on the tape, last step with a message, frames before the last of all steps."""
 FRAME_SIZE = 3
-"""End, link, step."""
+"""Begin, end, link."""
 
 _STEP_US = 4000
 LONGEST_FRAME = 280
@@ -299,7 +299,7 @@ def send_burst(
     rows_b, rows_e, rows_k = rows
     out, frames, v, value, parts = room
     i, last, from_us, tape_at = step_from[0], step_from[1], step_from[2], step_from[3]
-    streams, count, end = timetable.shape[1], 0, 0
+    streams, count, before, end = timetable.shape[1], 0, 0, 0
     next_us = _earliest(timetable, 0, streams)
     result[3] = -1
     while True:
@@ -327,10 +327,11 @@ def send_burst(
                 links[link, 2] = (links[link, 2] + 1) & 0xFF
                 links[link, 3] += 1
                 links[link, 4] += end - begin
-                frames[count, 0], frames[count, 1], frames[count, 2] = end, link, i
+                frames[count, 0], frames[count, 1], frames[count, 2] = begin, end, link
                 count += 1
+                before += i < last
         next_us = _earliest(timetable, 0, streams)
         i += 1
     for link in range(links.shape[0]):
         links[link, 5] = _earliest(timetable, links[link, 0], links[link, 1])
-    result[0], result[1], result[2] = i, count, tape_at
+    result[0], result[1], result[2], result[4] = i, count, tape_at, before

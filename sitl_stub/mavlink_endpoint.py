@@ -101,9 +101,10 @@ class MavlinkEndpoint:
     @property
     def sends_streams_only(self) -> bool:
         """Nothing waits to be sent but streams, and none is signed."""
-        if self.next_due_us == 0:
-            return False
-        return not any(link.out or link.signing.is_active for link in self._links.values())
+        busy = self.next_due_us == 0
+        for link in self._active:
+            busy = busy or bool(link.out) or link.signing.is_active
+        return not busy
 
     def silence(self, link_name: str) -> None:
         """Send nothing on a link from now on; what comes in on it is still taken."""
@@ -138,7 +139,10 @@ class MavlinkEndpoint:
         if self._listings or not self._origin_sent:
             self.next_due_us = 0
         else:
-            self.next_due_us = min([link.next_due_us for link in self._active], default=_NEVER_US)
+            due_us = _NEVER_US
+            for link in self._active:
+                due_us = min(due_us, link.next_due_us)
+            self.next_due_us = due_us
 
     def step(self, t_us: int) -> None:
         """Send what is due."""
@@ -233,7 +237,6 @@ class MavlinkEndpoint:
 
     def receive(self, link_name: str, data: bytes) -> None:
         """Bytes that came on a link."""
-        self._telemetry.complete()
         link = self._links[link_name]
         link.bytes_received += len(data)
         for frame in link.reader.read(data):
@@ -320,6 +323,7 @@ class MavlinkEndpoint:
         t_us = self._telemetry.t_us
         if stream is not None and 0 <= stream.last_sent_us > t_us - least_interval_us(message_type):
             return Result.DENIED
+        self._telemetry.complete()
         payload = CONTENTS[message_type.id](self._telemetry)
         if payload is None:
             return Result.DENIED

@@ -24,9 +24,11 @@ from sitl_stub.burst_kernel import (
     LONGEST_FRAME,
     MOST_FIELDS,
     MOVING_FIELDS,
+    NEXT_DUE,
     ORDER,
     RANGE,
     RESULT_SIZE,
+    SEQUENCE,
     SLOW_SIZE,
     TIMETABLE_SIZE,
     layouts,
@@ -56,6 +58,8 @@ class MessageBurst:
         self._asked = np.zeros(4, np.int64)
         self._result = np.zeros(RESULT_SIZE, np.int64)
         self._links: list[Link] = []
+        self._names: list[str] = []
+        self._counters: list[tuple[int, int, int]] = []
         self._streams: list[Stream] = []
         self._room = _room_for(1)
         self._timetable = np.zeros((TIMETABLE_SIZE, 0), np.int64)
@@ -80,17 +84,21 @@ class MessageBurst:
             self._borrow()
         tape = self._telemetry.imu_noise
         tape.reserve(IMU_NUMBERS * (last + 1 - first))
-        for row, link in zip(self._state, self._links, strict=True):
-            row[2], row[3], row[4] = link.sequence, link.messages_sent, link.bytes_sent
+        counters = [(link.sequence, link.messages_sent, link.bytes_sent) for link in self._links]
+        if counters != self._counters:
+            self._state[:, SEQUENCE:NEXT_DUE] = counters
         self._slow[RANGE] = range_m
         asked = self._asked
         asked[0], asked[1], asked[2], asked[3] = first, last, from_us, tape.at
         self._call(tape.numbers)
-        stopped_at, count, tape.at, last_step = self._result.tolist()
+        stopped_at, count, tape.at, last_step, count_before = self._result.tolist()
+        self._counters = []
         for (_, _, *numbers), link in zip(self._state.tolist(), self._links, strict=True):
             link.sequence, link.messages_sent, link.bytes_sent, link.kept_due_us = numbers
+            self._counters.append((numbers[0], numbers[1], numbers[2]))
         self._endpoint.look_ahead()
-        return stopped_at, last_step, *self._datagrams(count, last)
+        sent = self._datagrams(count) if count else []
+        return stopped_at, last_step, sent[:count_before], sent[count_before:]
 
     def _call(self, numbers: Any) -> None:
         send_burst(
@@ -105,24 +113,18 @@ class MessageBurst:
             self._result,
         )
 
-    def _datagrams(self, count: int, last: int) -> tuple[list[Datagram], list[Datagram]]:
+    def _datagrams(self, count: int) -> list[Datagram]:
         """In the order in which they are drained: by step, and within a step by link."""
-        before: list[Datagram] = []
-        held: list[Datagram] = []
-        if not count:
-            return before, held
         frames = self._room[1][:count].tolist()
-        data = self._room[0][: frames[-1][0]].tobytes()
-        names = [link.name for link in self._links]
-        begin = 0
-        for end, link, step in frames:
-            (held if step == last else before).append(_named(Datagram, (names[link], data[begin:end])))
-            begin = end
-        return before, held
+        data = self._room[0][: frames[-1][1]].tobytes()
+        names = self._names
+        return [_named(Datagram, (names[link], data[begin:end])) for begin, end, link in frames]
 
     def _borrow(self) -> None:
         """Take the timetables over from the links."""
         self._links = self._endpoint.active_links
+        self._names = [link.name for link in self._links]
+        self._counters = []
         streams = [link.timetable() for link in self._links]
         rows = [
             (due_us, order, stream.interval_us, KIND_OF.get(stream.message_type.id, 0), stream.last_sent_us)

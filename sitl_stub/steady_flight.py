@@ -278,6 +278,7 @@ class SteadyFlight:
 
     def _ask(self, asked: Asked) -> None:
         if asked != self._asked:
+            self._slow_is_known = self._slow_is_known and asked.motion[:3] == self._asked.motion[:3]
             self._asked, self._wanted = asked, room([*asked[0], *asked[1:]]) if COMPILED else asked
 
     def leave(self, t_us: int) -> None:
@@ -299,12 +300,13 @@ class SteadyFlight:
 
     def look_again(self, t_us: int) -> None:
         """Something was received: its setpoint is flown, and more than a setpoint is decided about or ends the steady flight."""
-        self._task_waits = self._slow_is_known = False
+        self._task_waits = False
         if not self._is_in:
             return
         autopilot = self._autopilot
         if autopilot.reasons_to_decide() != self._reasons:
             self._calm_until_us = 0
+            self._slow_is_known = False
         if autopilot.disturbances() != self._seen:
             self.leave(t_us)
 
@@ -427,13 +429,14 @@ class SteadyFlight:
         autopilot.cascade.hover_thrust_estimator.state = HoverState(*(float(value) for value in self._k[35:42]))
         dt_s = float(self._k[52]) * 1e-6
         self._k[52] = 0.0
-        self._slow_is_known = False
         if t_us < self._calm_until_us and not self._task_waits:
             autopilot.decide_task(t_us, dt_s)
             if not autopilot.stays_calm(self._reasons, t_us):
                 self._calm_until_us = 0
+            self._slow_is_known = self._slow_is_known and autopilot.task_waits
         else:
             autopilot.decide(t_us, dt_s)
+            self._slow_is_known = False
             self._calm_until_us = autopilot.calm_until_us(t_us)
             self._reasons = autopilot.reasons_to_decide()
         self._task_waits = autopilot.task_waits

@@ -6,7 +6,7 @@ noticed up to 0.1 s late.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from sitl_stub.autopilot import events
 from sitl_stub.autopilot.events import Notice
@@ -19,8 +19,7 @@ _HEALTH_NOT_READY = bytes.fromhex("00020c0238")
 _HEALTH_READY = bytes.fromhex("000a1c0238")
 
 
-@dataclass(frozen=True, slots=True)
-class Health:
+class Health(NamedTuple):
     """Signals and estimates the checks depend on."""
 
     is_ready: bool = False

@@ -8,8 +8,8 @@ through `tell`. Runs in the autopilot's step; all times are the boot clock in mi
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from math import isfinite, isnan
+from typing import NamedTuple
 
 from sitl_stub.autopilot import events
 from sitl_stub.autopilot.arming import Health, can_arm, can_fly, prevents_arming, report
@@ -29,8 +29,7 @@ _STATUS_CRITICAL = 5
 _STATUS_TERMINATED = 8
 
 
-@dataclass(frozen=True, slots=True)
-class Conditions:
+class Conditions(NamedTuple):
     """What the commander is told each step."""
 
     t_us: int

@@ -9,8 +9,8 @@ While disarmed all is "landed", whatever moves. NED, metres, radians; called by 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import hypot, radians
+from typing import NamedTuple
 
 from sitl_stub.autopilot.hysteresis import Hysteresis
 from sitl_stub.autopilot.parameters import Parameters
@@ -27,8 +27,7 @@ _STAGES = 3
 _WITHOUT_RANGE_SLOWER = 3
 
 
-@dataclass(frozen=True, slots=True)
-class LandDetectorInput:
+class LandDetectorInput(NamedTuple):
     """What the detector sees, all of it estimate or setpoint, never truth."""
 
     velocity_ned_m_s: tuple[float, float, float]

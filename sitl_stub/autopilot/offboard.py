@@ -7,8 +7,8 @@ setpoint that leaves an axis uncontrolled keeps OFFBOARD alive but can't be flow
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import cos, isfinite, nan, sin
+from typing import NamedTuple
 
 from sitl_stub.autopilot import events
 from sitl_stub.autopilot.setpoint import TrajectorySetpoint
@@ -22,8 +22,7 @@ Vector = tuple[float, float, float]
 _NOTHING: Vector = (nan, nan, nan)
 
 
-@dataclass(frozen=True, slots=True)
-class LocalTarget:
+class LocalTarget(NamedTuple):
     """The fields of the message that matter."""
 
     frame: int

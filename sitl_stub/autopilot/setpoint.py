@@ -8,14 +8,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import isfinite, nan
+from typing import NamedTuple
 
 from sitl_stub.rotation import Quaternion, Vec3
 
 UNSET: Vec3 = (nan, nan, nan)
 
 
-@dataclass(frozen=True, slots=True)
-class TrajectorySetpoint:
+class TrajectorySetpoint(NamedTuple):
     """Position, velocity, acceleration in W, heading and its rate; NaN where not controlled."""
 
     position_ned_m: Vec3 = UNSET

@@ -6,10 +6,11 @@ and drops what fails its checksum. Frames of unknown ids are dropped too: withou
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from struct import Struct
+from typing import NamedTuple
 
-from sitl_stub.mavlink.checksum import crc16_bytes
+from fastcrc.crc16 import mcrf4xx as crc16
+
 from sitl_stub.mavlink.definitions import MESSAGE_TYPES, MessageType
 
 _START_V1 = 0xFE
@@ -21,8 +22,7 @@ _MAGIC_V2 = bytes((_START_V2,))
 _BODY_V2 = Struct("<BBBBBBHB")
 
 
-@dataclass(frozen=True, slots=True)
-class Frame:
+class Frame(NamedTuple):
     """One frame as received; `raw` is what came over the wire, for forwarding."""
 
     message_type: MessageType
@@ -44,7 +44,7 @@ def encode(
     payload = payload.rstrip(b"\0") or b"\0"
     id_low, id_high = message_type.id_low, message_type.id_high
     body = _BODY_V2.pack(len(payload), incompat, 0, sequence, system_id, component_id, id_low, id_high) + payload
-    return _MAGIC_V2 + body + crc16_bytes(body + message_type.extra_byte)
+    return _MAGIC_V2 + body + crc16(body + message_type.extra_byte).to_bytes(2, "little")
 
 
 class FrameReader:
@@ -103,7 +103,7 @@ def _check(raw: bytes) -> Frame | None:
     message_type = MESSAGE_TYPES.get(message_id)
     if message_type is None:
         return None
-    if crc16_bytes(raw[1:end] + message_type.extra_byte) != raw[end : end + 2]:
+    if crc16(raw[1:end] + message_type.extra_byte) != raw[end] | raw[end + 1] << 8:
         return None
     signed = raw[0] == _START_V2 and bool(raw[2] & _INCOMPAT_SIGNED)
     return Frame(message_type, system_id, component_id, raw[begin:end], raw, signed)

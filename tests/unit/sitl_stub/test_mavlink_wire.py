@@ -14,9 +14,8 @@ from pymavlink.dialects.v10 import common as mavlink1
 from pymavlink.dialects.v20 import development as mavlink2
 
 from sitl_stub.mavlink import definitions as mav
-from sitl_stub.mavlink.checksum import crc16
 from sitl_stub.mavlink.definitions import MESSAGE_TYPES, MessageType
-from sitl_stub.mavlink.frame import FrameReader, encode
+from sitl_stub.mavlink.frame import FrameReader, crc16, encode
 from sitl_stub.mavlink.link import DISABLED, Link
 
 FRAMES = Path(__file__).resolve().parents[2] / "data" / "px4" / "frames.csv"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -24,30 +23,30 @@ def time_to_landing(seen: LandDetectorInput, timeout_s: float = 10.0) -> float |
 
 def test_landing_takes_a_second() -> None:
     assert time_to_landing(STANDING) == pytest.approx(1.0, abs=0.03)
-    assert time_to_landing(replace(STANDING, height_above_ground_m=0.05)) == pytest.approx(1.0, abs=0.03)
+    assert time_to_landing(STANDING._replace(height_above_ground_m=0.05)) == pytest.approx(1.0, abs=0.03)
 
 
 def test_landing_takes_three_seconds_when_a_range_sensor_sees_nothing_on_the_ground() -> None:
     detector = LandDetector(Parameters())
     detector.begin_in_air(0)
-    detector.update(0, True, replace(STANDING, thrust_command=0.5, height_above_ground_m=0.3))
+    detector.update(0, True, STANDING._replace(thrust_command=0.5, height_above_ground_m=0.3))
     times = [t_us for t_us in range(8_000, 5_000_000, 8_000) if detector.update(t_us, True, STANDING)]
     assert times[0] * 1e-6 == pytest.approx(3.0, abs=0.03)
 
 
 def test_the_derivative_of_height_speaks_for_standing_when_the_velocity_is_biased() -> None:
-    biased = replace(STANDING, velocity_ned_m_s=(0.0, 0.0, 0.45))
+    biased = STANDING._replace(velocity_ned_m_s=(0.0, 0.0, 0.45))
     assert time_to_landing(biased) is None
-    assert time_to_landing(replace(biased, height_rate_m_s=0.1)) == pytest.approx(1.0, abs=0.03)
+    assert time_to_landing(biased._replace(height_rate_m_s=0.1)) == pytest.approx(1.0, abs=0.03)
 
 
 def test_a_known_hover_thrust_lets_a_higher_thrust_count_as_contact() -> None:
-    pushing = replace(STANDING, thrust_command=0.3)
+    pushing = STANDING._replace(thrust_command=0.3)
     for hover_thrust, contact in ((None, False), (0.5, True)):
         detector = LandDetector(Parameters())
         detector.begin_in_air(0)
         for t_us in range(0, 1_000_000, 8_000):
-            detector.update(t_us, True, replace(pushing, hover_thrust=hover_thrust))
+            detector.update(t_us, True, pushing._replace(hover_thrust=hover_thrust))
         assert detector.ground_contact is contact
 
 
@@ -64,7 +63,7 @@ def test_a_known_hover_thrust_lets_a_higher_thrust_count_as_contact() -> None:
     ids=lambda value: value if isinstance(value, str) else "",
 )
 def test_nothing_is_detected_when(change: dict[str, Any], why: str) -> None:
-    assert time_to_landing(replace(STANDING, **change)) is None, why
+    assert time_to_landing(STANDING._replace(**change)) is None, why
 
 
 def test_a_disarmed_vehicle_is_landed_whatever_moves() -> None:
