@@ -29,14 +29,14 @@ def mavproxy() -> str | None:
 
 pytestmark = [
     pytest.mark.sockets,
-    pytest.mark.timeout(90),
+    pytest.mark.timeout(300),
     pytest.mark.skipif(
         mavproxy() is None, reason="MAVProxy is not installed (GPL, not a dependency; see the module's text)"
     ),
 ]
 
 
-def wait_for(condition: Callable[[], bool], what: str, timeout_s: float = 20.0) -> None:
+def wait_for(condition: Callable[[], bool], what: str, timeout_s: float = 60.0) -> None:
     end_s = time.monotonic() + timeout_s
     while not condition():
         assert time.monotonic() < end_s, f"{what}: not within {timeout_s} s"
@@ -76,16 +76,16 @@ def test_mavproxy_connects_fetches_parameters_arms_and_changes_mode(tmp_path: Pa
 
             wait_for(lambda: rig.autopilot.endpoint.ground_station_seen_us is not None, "heartbeat")
             say("param fetch")
-            wait_for(lambda: any(tmp_path.rglob("mav.parm")), "parameters", 30.0)
+            wait_for(lambda: any(tmp_path.rglob("mav.parm")), "parameters")
             say("arm throttle")
             wait_for(lambda: rig.is_armed, "arming")
             say("long NAV_TAKEOFF 0 0 0 nan nan nan nan")
             wait_for(lambda: rig.height_m > 1.0, "take-off")
             say("long DO_SET_MODE 1 4 6 0 0 0 0")
             wait_for(lambda: rig.autopilot.mode_name == "AUTO_LAND", "mode")
-            wait_for(lambda: not rig.is_armed, "landing", 30.0)
+            wait_for(lambda: not rig.is_armed, "landing")
             parameters = next(tmp_path.rglob("mav.parm")).read_text()
         finally:
             process.kill()
-            output = process.communicate(timeout=10.0)[0]
+            output = process.communicate(timeout=30.0)[0]
     assert "MPC_XY_VEL_MAX" in parameters, output[-2000:]

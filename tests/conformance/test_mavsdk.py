@@ -15,7 +15,7 @@ from mavsdk.asyncio.plugins.param import ParamAsync
 from mavsdk.asyncio.plugins.telemetry import TelemetryAsync
 from udp_vehicle import UdpVehicle, free_port
 
-pytestmark = [pytest.mark.sockets, pytest.mark.timeout(60)]
+pytestmark = [pytest.mark.sockets, pytest.mark.timeout(240)]
 
 
 @asynccontextmanager
@@ -26,7 +26,7 @@ async def connected() -> AsyncIterator[tuple[UdpVehicle, Any]]:
     with UdpVehicle(port) as vehicle:
         async with Mavsdk(configuration) as client:
             await client.add_any_connection(f"udpin://127.0.0.1:{port}")
-            system = await client.first_autopilot(timeout_s=10.0)
+            system = await client.first_autopilot(timeout_s=60.0)
             assert system is not None
             yield vehicle, system
 
@@ -36,10 +36,10 @@ def fly(mission: Callable[[UdpVehicle, Any], Awaitable[None]]) -> None:
         async with connected() as (vehicle, system):
             await mission(vehicle, system)
 
-    asyncio.run(asyncio.wait_for(run(), 50.0))
+    asyncio.run(asyncio.wait_for(run(), 200.0))
 
 
-async def until(condition: Callable[[], bool], what: str, timeout_s: float = 15.0) -> None:
+async def until(condition: Callable[[], bool], what: str, timeout_s: float = 60.0) -> None:
     """Wait on the vehicle itself."""
     for _ in range(int(timeout_s / 0.02)):
         if condition():

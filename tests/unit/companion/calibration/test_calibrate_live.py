@@ -64,7 +64,10 @@ def calibrated(url: str, out: Path, seconds: float) -> Result:
 
 def test_a_board_waved_before_a_live_camera_becomes_a_lens(pictures: list[bytes], tmp_path: Path) -> None:
     with camera_of(pictures) as url:
-        result = calibrated(url, tmp_path / "down.yaml", 7.0)
+        for seconds in (7.0, 20.0, 60.0):  # longer where a busy machine looks at few frames a second
+            result = calibrated(url, tmp_path / "down.yaml", seconds)
+            if result.exit_code == 0:
+                break
     assert result.exit_code == 0, result.output
     lens = read(tmp_path / "down.yaml")
     assert lens.fx_px == pytest.approx(300.0, rel=0.01)

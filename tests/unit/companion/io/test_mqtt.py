@@ -4,6 +4,7 @@ events, each with a bound."""
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import json
 import queue
 import shutil
@@ -25,7 +26,7 @@ from companion.messages import Health, OperatorAction, OperatorCommand, PadBeaco
 from companion.telemetry.topics import INCOMING
 
 MOSQUITTO = shutil.which("mosquitto", path="/usr/sbin:/usr/local/sbin:/usr/bin:/usr/local/bin:/opt/homebrew/sbin")
-BOUND_S = 15.0
+BOUND_S = 30.0
 needs_mosquitto = pytest.mark.skipif(
     MOSQUITTO is None, reason="mosquitto is not installed (.ci/system-packages installs it)"
 )
@@ -35,13 +36,16 @@ class Broker:
     """mosquitto on a free port of the loopback."""
 
     def __init__(self, folder: Path, extra: str = "") -> None:
+        self._file = folder / "mosquitto.conf"
+        self._extra = extra or "allow_anonymous true\n"
+        self._choose_port()
+        self._process: subprocess.Popen[bytes] | None = None
+
+    def _choose_port(self) -> None:
         with socket.socket() as probe:
             probe.bind(("127.0.0.1", 0))
             self.port = int(probe.getsockname()[1])
-        self._file = folder / "mosquitto.conf"
-        anonymous = "" if extra else "allow_anonymous true\n"
-        self._file.write_text(f"listener {self.port} 127.0.0.1\n{anonymous}{extra}", encoding="utf-8")
-        self._process: subprocess.Popen[bytes] | None = None
+        self._file.write_text(f"listener {self.port} 127.0.0.1\n{self._extra}", encoding="utf-8")
 
     def start(self) -> None:
         assert MOSQUITTO is not None
@@ -49,11 +53,11 @@ class Broker:
         self._process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         deadline = time.monotonic() + BOUND_S
         while True:
-            try:
-                socket.create_connection(("127.0.0.1", self.port), timeout=1.0).close()
+            assert time.monotonic() < deadline, "mosquitto does not listen"
+            assert self._process.poll() is None, f"mosquitto ended: is port {self.port} taken?"
+            with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", self.port), timeout=1.0):
                 return
-            except OSError:
-                assert time.monotonic() < deadline, "mosquitto does not listen"
+            time.sleep(0.02)
 
     def send(self, number: signal.Signals) -> None:
         assert self._process is not None

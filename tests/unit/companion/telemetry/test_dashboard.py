@@ -38,6 +38,12 @@ from companion.telemetry.dashboard.picture import EVENTS_KEPT, Picture
 from companion.telemetry.dashboard.server import MOST_VIEWERS
 from companion.telemetry.dashboard.service import DashboardService, check_safety
 
+BOUND_S = 30.0
+"""For a busy machine; all comes within a second otherwise."""
+
+ATTEMPTS = 6
+"""Of a measurement in real time, which other programs can spoil."""
+
 CHANGE = PhaseChanged(2_000_000_000, Phase.SEARCH, Phase.APPROACH, "pad in sight")
 VIEW = MissionView(2_000_000_000, Phase.APPROACH, (3.0, 4.0, -5.0), (0.1, 0.2, 0.3), 5.0, True, "above the pad", 1)
 CORNERS = ((1.0, 2.0), (3.0, 2.0), (3.0, 4.0), (1.0, 4.0))
@@ -142,7 +148,7 @@ def test_the_page_may_load_nothing_from_elsewhere(served: Served) -> None:
 @pytest.mark.parametrize("action", ["start", "hold", "go_around", "abort", "return"])
 def test_a_button_becomes_an_operators_command(served: Served, action: str) -> None:
     status, _, _ = served.request("/command", method="POST", body=json.dumps({"action": action}).encode())
-    command = served.asked.get(timeout=5.0)
+    command = served.asked.get(timeout=BOUND_S)
     assert status == 202
     assert isinstance(command, OperatorCommand)
     assert command.action is OperatorAction(action)
@@ -165,7 +171,7 @@ def test_a_hostile_body_is_refused_and_the_server_lives(served: Served, body: by
     "raw", [b"\x00" * 200, b"GET / HTTP/9.9\r\n\r\n", b"GET /" + b"a" * 100_000 + b" HTTP/1.1\r\n\r\n"]
 )
 def test_what_is_not_http_does_not_stop_the_server(served: Served, raw: bytes) -> None:
-    with socket.create_connection(("127.0.0.1", served.service.port), timeout=5.0) as line:
+    with socket.create_connection(("127.0.0.1", served.service.port), timeout=BOUND_S) as line:
         line.sendall(raw)
         line.shutdown(socket.SHUT_WR)
         while line.recv(65536):
@@ -191,9 +197,9 @@ def test_the_live_view_sends_numbers_events_and_each_frame_once_with_its_corners
     served.service.frame("down", 8, 7, b"\xff\xd8 a picture")
     served.tell(SEEN)
     with served.live() as line:
-        first = json.loads(line.recv(timeout=5.0))
-        assert line.recv(timeout=5.0) == b"\xff\xd8 a picture"
-        second = json.loads(line.recv(timeout=5.0))
+        first = json.loads(line.recv(timeout=BOUND_S))
+        assert line.recv(timeout=BOUND_S) == b"\xff\xd8 a picture"
+        second = json.loads(line.recv(timeout=BOUND_S))
     assert first["mission"]["position_m"] == [3.0, 4.0, -5.0]
     assert first["events"][0]["text"] == "search → approach: pad in sight"
     assert first["shot"]["corners_px"] == [list(corner) for corner in CORNERS]
@@ -203,19 +209,23 @@ def test_the_live_view_sends_numbers_events_and_each_frame_once_with_its_corners
 
 def test_updates_come_at_ten_hertz(served: Served) -> None:
     with served.live() as line:
-        line.recv(timeout=5.0)
-        began = time.monotonic()
-        for _ in range(10):
-            line.recv(timeout=5.0)
-        assert 0.9 <= time.monotonic() - began < 3.0
+        for _ in range(ATTEMPTS):
+            line.recv(timeout=BOUND_S)
+            began = time.monotonic()
+            for _ in range(10):
+                line.recv(timeout=BOUND_S)
+            took_s = time.monotonic() - began
+            if 0.9 <= took_s < 1.5:
+                break
+        assert 0.9 <= took_s < 3.0
 
 
 def test_a_frame_that_comes_as_pixels_is_sent_as_jpeg(served: Served) -> None:
     served.service.frame("down", 8, 7, np.full((48, 64), 90, np.uint8))
     served.tell(PadNotSeen(7, "down", "aruco", "no marker"))
     with served.live() as line:
-        assert json.loads(line.recv(timeout=5.0))["shot"]["text"] == "no marker"
-        assert line.recv(timeout=5.0)[:2] == b"\xff\xd8"
+        assert json.loads(line.recv(timeout=BOUND_S))["shot"]["text"] == "no marker"
+        assert line.recv(timeout=BOUND_S)[:2] == b"\xff\xd8"
 
 
 def test_there_is_an_end_to_the_number_of_viewers(served: Served) -> None:
@@ -318,7 +328,7 @@ def test_with_a_certificate_the_page_is_served_over_tls(tmp_path: Path) -> None:
 def test_the_service_ends_quickly_while_somebody_watches() -> None:
     running = Served(DashboardService(Config(dashboard=Dashboard(port=0)), title="a test"))
     with running.live() as line:
-        line.recv(timeout=5.0)
+        line.recv(timeout=BOUND_S)
         began = time.monotonic()
         running.service.close()
         assert time.monotonic() - began < 3.0
