@@ -9,13 +9,14 @@ A deterministic function of timestamped messages: no clock, no input or output. 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from companion.config import Config, Marker
 from companion.control import CONTROLLERS, YAW_LAWS, ControlInput, Reference, YawInput
 from companion.control.limits import limited_length, limited_velocity, slewed
 from companion.detour import cylinders
 from companion.estimation import VehiclePose, make_tracker
+from companion.estimation.range_watch import RangeWatch
 from companion.geometry import (
     ZERO,
     Transform,
@@ -99,6 +100,7 @@ class Pipeline:
         self._pad_radius_m = 0.5 * math.hypot(config.pad.length_m, config.pad.width_m)
         self._mounts = {name: mounted(camera) for name, camera in config.cameras.items()}
         self._situation = Situation(config, self._tracker)
+        self._range_watch = RangeWatch()
         self._guidance = None if config.guidance.form == "off" else Guidance(config.guidance)
         self._no_plan_since_ns: int | None = None
         self._start: VehiclePose | None = None
@@ -131,6 +133,7 @@ class Pipeline:
                 self._tracker.add_vehicle_state(message)
                 return [*self._tracker.observe_waiting()]
             case RangeMeasurement():
+                message = self._believed(message)
                 self._situation.add_range(message)
                 return self._observe(message)
             case PadObservation() | PadBearing():
@@ -153,6 +156,13 @@ class Pipeline:
             case _:
                 pass
         return []
+
+    def _believed(self, message: RangeMeasurement) -> RangeMeasurement:
+        """Without its distance where the sensor is stuck."""
+        pose = self._tracker.history.at(message.t_ns)
+        if pose is None or not self._range_watch.is_stuck(message.distance_m, pose.position_o_m[2]):
+            return message
+        return replace(message, distance_m=None)
 
     def _observe(self, message: PadObservation | PadBearing | PadBeacon | RangeMeasurement) -> list[Output]:
         verdict = self._tracker.observe(message)
