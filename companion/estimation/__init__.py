@@ -92,7 +92,8 @@ ESTIMATORS: dict[str, Factory] = {
     "imm": _bank("imm", _imm_models),
     "boat": _bank("boat", _boat_models, vertical=Sea(), tilt=Oscillator(sigma=0.06, mean_psd=1e-5)),
     "static": _bank("static", lambda bias: {Static(bias=bias): 1.0}),
-    "raw": _bank("raw", lambda bias: {Static(drift_psd=2.0, bias=bias): 1.0}),  # the last measurement, as PX4 takes it
+    # The last measurement, as PX4 takes it.
+    "raw": _bank("raw", lambda bias: {Static(drift_psd=2.0, bias=bias): 1.0}, carried_share=0.0),
     "constant_velocity": _bank("constant_velocity", lambda bias: {ConstantVelocity(bias=bias): 1.0}),
     "constant_acceleration": _bank("constant_acceleration", lambda bias: {ConstantAcceleration(bias=bias): 1.0}),
     "coordinated_turn": _bank("coordinated_turn", lambda bias: {CoordinatedTurn(bias=bias): 1.0}),

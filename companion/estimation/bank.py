@@ -292,13 +292,6 @@ def update_own(member: Member, index: int, y: float, R: float) -> None:
     update_state(member.x, member.P, index, y, R)
 
 
-def shift_velocity(members: Sequence[Member], step: tuple[float, float]) -> None:
-    """The frame's velocity stepped: so does the pad's in it."""
-    for member in members:
-        member.x[VX] += step[0]
-        member.x[VY] += step[1]
-
-
 def position_rows(z: tuple[float, float], R: tuple[float, float]) -> tuple[Row, Row]:
     """Direct sight of the pad's horizontal position."""
     return Row((X,), (1.0,), z[0], R[0]), Row((Y,), (1.0,), z[1], R[1])

@@ -10,7 +10,7 @@ from companion.estimation import bank
 from companion.estimation.gate import NS
 from companion.estimation.motion import SHARED, VX, VY, X, Y
 from companion.estimation.vertical import VerticalView
-from companion.geometry import wrap_pi
+from companion.geometry import add, wrap_pi
 from companion.messages import PadEstimate, Vec3
 
 if TYPE_CHECKING:
@@ -76,7 +76,10 @@ def _age_s(t_ns: int, then_ns: int | None) -> float | None:
     return None if then_ns is None else (t_ns - then_ns) / NS
 
 
-def moved(estimate: PadEstimate, offset_m: Vec3) -> PadEstimate:
-    """The same estimate with positions moved by `offset_m` (O to W)."""
-    p = estimate.position_ned_m
-    return replace(estimate, position_ned_m=(p[0] + offset_m[0], p[1] + offset_m[1], p[2] + offset_m[2]))
+def moved(estimate: PadEstimate, offset_m: Vec3, velocity_m_s: Vec3) -> PadEstimate:
+    """The same estimate with positions moved by `offset_m` (O to W) and seen from a frame in which O moves with `velocity_m_s`."""
+    return replace(
+        estimate,
+        position_ned_m=add(estimate.position_ned_m, offset_m),
+        velocity_ned_m_s=add(estimate.velocity_ned_m_s, velocity_m_s),
+    )

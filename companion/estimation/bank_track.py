@@ -47,6 +47,9 @@ class TrackSettings:
     heading: SteadyHeading = STEADY_HEADING
     tilt: Oscillator | None = None
     """Roll and pitch swing on a boat; on the ground the last measured ones are kept."""
+    carried_share: float = 1.0
+    """How much of the error that neighbouring sights share (the vehicle's attitude times range) each sight carries as if it were
+    its own. That error wanders over seconds: of sights taken for exact to their own noise the bank makes a motion of the pad."""
 
 
 def gate_sigmas(probability: float) -> float:
@@ -97,11 +100,6 @@ class BankTrack:
     def fuse(self, m: PadMeasurement) -> MeasurementVerdict:
         """Fuse a measurement of the track's own time, component by component, and say what became of it."""
         return fuse(self, m)
-
-    def shift_velocity(self, step_m_s: Vec3) -> None:
-        """The autopilot's velocity estimate stepped, and with it the frame."""
-        bank.shift_velocity(self.members, (step_m_s[0], step_m_s[1]))
-        self.settings.vertical.shift_rate(self.height, step_m_s[2])
 
     def estimate(self, name: str) -> PadEstimate:
         return estimate_of(self, name)
@@ -209,7 +207,7 @@ def _fuse_position(track: BankTrack, m: PadMeasurement, now: Mixture) -> Measure
     innovation: list[float] = []
     nis, kept, outcomes = 0.0, 0, []
     if m.position_o_m is not None and m.covariance_m2 is not None:
-        rows = _rows(m, m.position_o_m, m.covariance_m2)
+        rows = _rows(track.settings, m, m.position_o_m, m.covariance_m2)
         nis, decisions, innovation = _judge_horizontal(track, m, rows, now)
         outcomes += list(zip(("north", "east"), decisions, strict=True))
         _update_horizontal(track, m, rows, decisions, innovation, m.covariance_m2[0][1])
@@ -234,13 +232,14 @@ def _reason(outcomes: Sequence[tuple[str, Decision]]) -> str:
     return "; ".join(parts) or "fused"
 
 
-def _rows(m: PadMeasurement, z: Vec3, R: Mat3) -> tuple[Row, Row]:
+def _rows(settings: TrackSettings, m: PadMeasurement, z: Vec3, R: Mat3) -> tuple[Row, Row]:
     if m.source in BIASED:
         return (
             Row((X, BX), (1.0, 1.0), z[0], R[0][0] + VARIANCE_FLOOR_M2),
             Row((Y, BY), (1.0, 1.0), z[1], R[1][1] + VARIANCE_FLOOR_M2),
         )
-    return bank.position_rows((z[0], z[1]), (R[0][0] + VARIANCE_FLOOR_M2, R[1][1] + VARIANCE_FLOOR_M2))
+    more = VARIANCE_FLOOR_M2 + (settings.carried_share * m.systematic_sigma_m) ** 2
+    return bank.position_rows((z[0], z[1]), (R[0][0] + more, R[1][1] + more))
 
 
 def _gate(track: BankTrack, source: ObservationSource, axis: str) -> AxisGate:
@@ -256,7 +255,6 @@ def _judge_horizontal(
     """NIS of the pair, one decision an axis, the innovation."""
     y = [row.residual(now.x) for row in rows]
     S = [row.variance(now.P, SHARED) for row in rows]
-    slack = 0.1 * m.systematic_sigma_m**2
     gates = [_gate(track, m.source, axis) for axis in ("north", "east")]
     both = all(gate.agreeing >= AGREEING for gate in gates)
     decisions = [
@@ -264,7 +262,7 @@ def _judge_horizontal(
             gates[k],
             t_ns=m.t_ns,
             y=y[k],
-            S=S[k] + slack,
+            S=S[k],
             R=rows[k].R,
             limit=track.settings.gate_sigmas,
             both_axes=both,

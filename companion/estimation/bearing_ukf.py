@@ -225,11 +225,6 @@ class BearingTrack:
         reason = "fused" if accepted else "outside gate: down"
         return MeasurementVerdict(m.t_ns, m.source, accepted, reason, nis=y * y / S, innovation=(y,))
 
-    def shift_velocity(self, step_m_s: Vec3) -> None:
-        self.x[2] += step_m_s[0]
-        self.x[3] += step_m_s[1]
-        GROUND.shift_rate(self.height, step_m_s[2])
-
     def estimate(self, name: str) -> PadEstimate:
         px, py, vx, vy = (float(value) for value in self.x)
         deck = GROUND.view(self.height)

@@ -14,7 +14,7 @@ from typing import Protocol, Self, TypeVar
 from companion.estimation.gate import NS
 from companion.estimation.measurement import PadMeasurement
 from companion.estimation.outlook import Outlook, PadMotion
-from companion.messages import MeasurementVerdict, PadEstimate, Vec3
+from companion.messages import MeasurementVerdict, PadEstimate
 
 COAST_STEP_NS = 100_000_000
 LOOK_AHEAD_NS = 500_000_000
@@ -40,8 +40,6 @@ class Track(Protocol):
     def fuse(self, m: PadMeasurement) -> MeasurementVerdict:
         """Fuse a measurement of the track's own time."""
 
-    def shift_velocity(self, step_m_s: Vec3) -> None: ...
-
     def estimate(self, name: str) -> PadEstimate: ...
 
 
@@ -50,12 +48,14 @@ Coasting = TypeVar("Coasting", Track, Outlook)
 
 @dataclass(slots=True)
 class Fused:
-    """A measurement in the history and the track just after it. `velocity_step` replaces the measurement for a reset."""
+    """A measurement in the history and the track just after it."""
 
-    t_ns: int
-    measurement: PadMeasurement | None
-    velocity_step_m_s: Vec3
+    measurement: PadMeasurement
     after: Track
+
+    @property
+    def t_ns(self) -> int:
+        return self.measurement.t_ns
 
 
 class PadFilter:
@@ -101,13 +101,6 @@ class PadFilter:
         self._prune()
         return verdict
 
-    def shift_velocity(self, t_ns: int, step_m_s: Vec3) -> None:
-        """The autopilot's velocity estimate stepped at `t_ns`."""
-        if not self._history:
-            return
-        index = bisect_right(self._history, t_ns, key=lambda fused: fused.t_ns)
-        self._put(max(index, 1), max(t_ns, self._history[0].t_ns), None, step_m_s)
-
     def estimate(self, t_ns: int) -> PadEstimate | None:
         """The pad at `t_ns`, past (within the history), now or ahead; None before the first sight and when long lost."""
         if t_ns in self._answers:
@@ -139,31 +132,25 @@ class PadFilter:
         track = self._start(m)
         if track is None:
             return MeasurementVerdict(m.t_ns, m.source, accepted=False, reason="no position to start from")
-        self._history.append(Fused(m.t_ns, m, (0.0, 0.0, 0.0), track))
+        self._history.append(Fused(m, track))
         return MeasurementVerdict(m.t_ns, m.source, accepted=True, reason="first sight")
 
     def _insert(self, m: PadMeasurement) -> MeasurementVerdict:
+        """Put it in its place of the history and work all later ones in again."""
         index = bisect_right(self._history, m.t_ns, key=lambda fused: fused.t_ns)
-        verdict = self._put(index, m.t_ns, m, (0.0, 0.0, 0.0))
-        assert verdict is not None
-        return verdict
-
-    def _put(self, index: int, t_ns: int, m: PadMeasurement | None, velocity_step: Vec3) -> MeasurementVerdict | None:
-        """Put a new entry at `index` of the history and work all later ones in again."""
         self._forget_answers()
         later = self._history[index:]
         del self._history[index:]
-        verdict = self._append(t_ns, m, velocity_step)
+        verdict = self._append(m)
         for fused in later:
-            self._append(fused.t_ns, fused.measurement, fused.velocity_step_m_s)
+            self._append(fused.measurement)
         return verdict
 
-    def _append(self, t_ns: int, m: PadMeasurement | None, velocity_step: Vec3) -> MeasurementVerdict | None:
+    def _append(self, m: PadMeasurement) -> MeasurementVerdict:
         track = self._history[-1].after.copied()
-        track.advance(t_ns)
-        track.shift_velocity(velocity_step)
-        verdict = None if m is None else track.fuse(m)
-        self._history.append(Fused(t_ns, m, velocity_step, track))
+        track.advance(m.t_ns)
+        verdict = track.fuse(m)
+        self._history.append(Fused(m, track))
         return verdict
 
     def _prune(self) -> None:

@@ -24,7 +24,11 @@ from companion.geometry import (
 )
 from companion.messages import Mat3, ObservationSource, PadBeacon, PadBearing, PadObservation, Quaternion, Vec3
 
-YAW_SIGMA_FLOOR_RAD = math.radians(0.5)
+ANGLE_SIGMA_FLOOR_RAD = math.radians(0.5)
+UNTOLD_ANGLE_SIGMAS_RAD = (math.radians(3.0), math.radians(3.0), math.radians(2.0))
+"""Of roll, pitch and yaw where a detector says nothing of its own."""
+STEEPEST = 0.1
+"""Cosine of pitch below which roll and yaw cannot be told apart: a deck never stands like that."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,6 +84,7 @@ def measurement_from_observation(
     X_OC = Transform(q=vehicle.q_ned_frd, p=vehicle.position_o_m) @ X_BC
     p_OP = X_OC.point(observation.pad_position_camera_m)
     angles = _angles_o_rad(X_OC.q, observation.q_camera_pad)
+    roll_sigma, pitch_sigma, yaw_sigma = _angle_sigmas(X_OC.q, observation)
     return PadMeasurement(
         t_ns=observation.t_ns,
         source=ObservationSource.VISION_POSE,
@@ -87,10 +92,10 @@ def measurement_from_observation(
         covariance_m2=rotated_covariance(matrix_from_quaternion(X_OC.q), observation.position_covariance_m2),
         systematic_sigma_m=systematic_sigma_m(subtract(p_OP, vehicle.position_o_m), errors),
         yaw_rad=None if angles is None else angles[2],
-        yaw_sigma_rad=_yaw_sigma(observation),
+        yaw_sigma_rad=yaw_sigma,
         roll_rad=None if angles is None else angles[0],
         pitch_rad=None if angles is None else angles[1],
-        tilt_sigma_rad=_tilt_sigma(observation),
+        tilt_sigma_rad=max(roll_sigma, pitch_sigma),
         rival_angles_rad=_angles_o_rad(X_OC.q, observation.q_camera_pad_alternative),
     )
 
@@ -154,15 +159,22 @@ def systematic_sigma_m(p_BP_W: Vec3, errors: VehicleErrors) -> float:
     return math.hypot(errors.tilt_rad * norm(p_BP_W), errors.yaw_rad * math.hypot(p_BP_W[0], p_BP_W[1]))
 
 
-def _yaw_sigma(observation: PadObservation) -> float:
-    covariance = observation.rotation_covariance_rad2
-    if covariance is None:
-        return math.radians(2.0)
-    return max(YAW_SIGMA_FLOOR_RAD, math.sqrt(max(0.0, covariance[2][2])))
-
-
-def _tilt_sigma(observation: PadObservation) -> float:
-    covariance = observation.rotation_covariance_rad2
-    if covariance is None:
-        return math.radians(3.0)
-    return max(YAW_SIGMA_FLOOR_RAD, math.sqrt(max(0.0, covariance[0][0], covariance[1][1])))
+def _angle_sigmas(q_OC: Quaternion, observation: PadObservation) -> Vec3:
+    """Standard deviations of the pad's roll, pitch and yaw in O, rad. A small turn of the pad about the axes of O changes roll and
+    pitch by its parts along and across the pad's heading, yaw by its part about down and, on a deck that pitches, by tan(pitch) of
+    what it rolls."""
+    covariance_C, q_CP = observation.rotation_covariance_rad2, observation.q_camera_pad
+    if covariance_C is None or q_CP is None:
+        return UNTOLD_ANGLE_SIGMAS_RAD
+    covariance_O = rotated_covariance(matrix_from_quaternion(q_OC), covariance_C)
+    _, pitch, yaw = euler_from_quaternion(quaternion_multiply(q_OC, q_CP))
+    c, s = math.cos(yaw), math.sin(yaw)
+    steep = max(STEEPEST, math.cos(pitch))
+    by_turn = (
+        (c / steep, s / steep, 0.0),
+        (-s, c, 0.0),
+        (c * math.sin(pitch) / steep, s * math.sin(pitch) / steep, 1.0),
+    )
+    variances = rotated_covariance(by_turn, covariance_O)
+    roll, pitch, yaw = (max(ANGLE_SIGMA_FLOOR_RAD, math.sqrt(max(0.0, variances[i][i]))) for i in range(3))
+    return roll, pitch, yaw

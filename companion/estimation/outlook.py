@@ -32,10 +32,10 @@ class PadMotion:
     roll_rad: float
     pitch_rad: float
 
-    def moved(self, offset_m: Vec3) -> PadMotion:
-        """The same with the position moved by `offset_m` (O to W)."""
-        position = add(self.position_ned_m, offset_m)
-        return PadMotion(position, self.velocity_ned_m_s, self.acceleration_ned_m_s2, self.roll_rad, self.pitch_rad)
+    def moved(self, offset_m: Vec3, velocity_m_s: Vec3) -> PadMotion:
+        """The same with the position moved by `offset_m` (O to W), seen from a frame in which O moves with `velocity_m_s`."""
+        position, velocity = add(self.position_ned_m, offset_m), add(self.velocity_ned_m_s, velocity_m_s)
+        return PadMotion(position, velocity, self.acceleration_ned_m_s2, self.roll_rad, self.pitch_rad)
 
 
 class Outlook(Protocol):

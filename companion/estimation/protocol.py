@@ -6,7 +6,7 @@ from typing import Protocol
 
 from companion.estimation.measurement import PadMeasurement
 from companion.estimation.outlook import PadMotion
-from companion.messages import MeasurementVerdict, PadEstimate, Vec3
+from companion.messages import MeasurementVerdict, PadEstimate
 
 
 class PadEstimator(Protocol):
@@ -14,9 +14,6 @@ class PadEstimator(Protocol):
 
     def observe(self, measurement: PadMeasurement) -> MeasurementVerdict:
         """Fuse a measurement at its time; say whether and why not."""
-
-    def shift_velocity(self, t_ns: int, step_m_s: Vec3) -> None:
-        """The frame's velocity stepped at `t_ns` (estimator reset of the autopilot)."""
 
     def estimate(self, t_ns: int) -> PadEstimate | None:
         """State and covariance at any time from the oldest kept measurement on; None when there is no pad."""

@@ -45,9 +45,6 @@ class Sea:
         if not biased:
             state[1][0] += variance_m2
 
-    def shift_rate(self, state: State, step_m_s: float) -> None:
-        """A step of the frame's vertical speed is no heave: the mean follows by itself."""
-
     def view(self, state: State) -> VerticalView:
         x, P = state
         return VerticalView(

@@ -2,7 +2,8 @@
 
 The whole of estimation for a caller: give it every VehicleState, PadObservation, PadBearing, PadBeacon and
 RangeMeasurement, and ask where the pad is. Results are in W (NED) with the offset of the *latest* vehicle state, so
-`pad - vehicle` in W is the same difference as in O: the autopilot's position corrections and resets cancel in it.
+`pad - vehicle` in W is the same difference as in O: the autopilot's position corrections and resets cancel in it. So does its velocity
+error: the pad's velocity is told, and the pad foretold, as the autopilot would measure it.
 Called by pipeline.py.
 """
 
@@ -13,6 +14,7 @@ from collections.abc import Mapping
 
 from companion.config import Camera, Estimation, Pad
 from companion.estimation.bank_report import moved
+from companion.estimation.gate import NS
 from companion.estimation.measurement import (
     PadMeasurement,
     VehicleErrors,
@@ -24,6 +26,7 @@ from companion.estimation.measurement import (
 from companion.estimation.outlook import PadMotion
 from companion.estimation.protocol import PadEstimator
 from companion.estimation.vehicle_history import VehicleHistory, VehiclePose, VehicleReset
+from companion.geometry import add, scale
 from companion.messages import (
     MeasurementVerdict,
     ObservationSource,
@@ -32,6 +35,7 @@ from companion.messages import (
     PadEstimate,
     PadObservation,
     RangeMeasurement,
+    Vec3,
     VehicleState,
 )
 from companion.mount import mounted
@@ -72,11 +76,8 @@ class PadTracker:
         self.history = VehicleHistory(config.history_s)
 
     def add_vehicle_state(self, state: VehicleState) -> VehicleReset | None:
-        """Take the vehicle's state; a reset of the autopilot's estimator that it shows is passed on and returned."""
-        reset = self.history.add(state)
-        if reset is not None:
-            self._estimator.shift_velocity(reset.t_ns, reset.velocity_step_m_s)
-        return reset
+        """Take the vehicle's state; returns the reset of the autopilot's estimator that it shows, if any."""
+        return self.history.add(state)
 
     def observe(self, message: PadSight) -> MeasurementVerdict | None:
         """Fuse one message at the time it was true.
@@ -121,12 +122,12 @@ class PadTracker:
             return None
         if t_ns <= vehicle.t_ns + RECENT_NS:
             self._recent = estimate
-        return moved(estimate, vehicle.offset_m)
+        return moved(estimate, *_seen_from_w(vehicle, t_ns))
 
     def motion(self, t_ns: int) -> PadMotion | None:
         """Where the pad is in W and how it moves at `t_ns`, most often ahead: the means of `estimate(t_ns)`."""
         vehicle, motion = self.history.latest, self._estimator.motion(t_ns)
-        return None if vehicle is None or motion is None else motion.moved(vehicle.offset_m)
+        return None if vehicle is None or motion is None else motion.moved(*_seen_from_w(vehicle, t_ns))
 
     def reset(self) -> None:
         """Forget the pad, not the vehicle."""
@@ -171,6 +172,13 @@ class PadTracker:
         )
         half = 0.5 * min(self._pad.length_m, self._pad.width_m)
         return offset + 2.0 * estimate.position_sigma_m < half
+
+
+def _seen_from_w(vehicle: VehiclePose, t_ns: int) -> tuple[Vec3, Vec3]:
+    """Where O is at `t_ns` (m) and how fast it moves (m/s), for one who takes the autopilot's velocity for true."""
+    ahead_s = max(0.0, (t_ns - vehicle.t_ns) / NS)
+    velocity = scale(vehicle.correction_m_s, -1.0)
+    return add(vehicle.offset_m, scale(velocity, ahead_s)), velocity
 
 
 def _is_seen(estimate: PadEstimate) -> bool:

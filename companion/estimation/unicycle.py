@@ -203,13 +203,6 @@ class UnicycleTrack:
         elif accepted:
             self.vision_ns = m.t_ns
 
-    def shift_velocity(self, step_m_s: Vec3) -> None:
-        """Direction and speed of the shifted velocity."""
-        theta, v = float(self.x[3]), float(self.x[4])
-        vx, vy = v * math.cos(theta) + step_m_s[0], v * math.sin(theta) + step_m_s[1]
-        if step_m_s[0] or step_m_s[1]:
-            self.x[3], self.x[4] = math.atan2(vy, vx), math.hypot(vx, vy)
-
     def estimate(self, name: str) -> PadEstimate:
         px, py, pz, theta, v = (float(value) for value in self.x)
         c, s = math.cos(theta), math.sin(theta)

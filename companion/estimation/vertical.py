@@ -50,8 +50,6 @@ class Vertical(Protocol):
     def distrust(self, state: State, variance_m2: float, *, biased: bool) -> None:
         """What was measured contradicts the state and is believed: the state is trusted that much less."""
 
-    def shift_rate(self, state: State, step_m_s: float) -> None: ...
-
     def view(self, state: State) -> VerticalView: ...
 
 
@@ -124,9 +122,6 @@ class LevelGround:
 
     def distrust(self, state: State, variance_m2: float, *, biased: bool) -> None:
         state[1][8 if biased else 0] += variance_m2
-
-    def shift_rate(self, state: State, step_m_s: float) -> None:
-        state[0][VZ] += step_m_s
 
     def view(self, state: State) -> VerticalView:
         x, P = state

@@ -210,18 +210,6 @@ def test_a_beacon_bias_is_gone_as_soon_as_the_pad_is_seen() -> None:
     assert error_m(estimator.estimate(ns(2.5)), path(2.5)) < 0.1
 
 
-def test_a_velocity_step_of_the_frame_moves_the_pads_velocity_and_not_its_place() -> None:
-    measurements = sights(line(1.0), frames(0.0, 3.0), seed=1)
-    estimator, t_ns = fed(measurements), measurements[-1].t_ns
-    before = estimator.estimate(t_ns)
-    estimator.shift_velocity(t_ns, (0.4, -0.1, 0.0))
-    after = estimator.estimate(t_ns)
-    assert before is not None
-    assert after is not None
-    assert after.position_ned_m == pytest.approx(before.position_ned_m)
-    assert after.velocity_ned_m_s[0] - before.velocity_ned_m_s[0] == pytest.approx(0.4)
-
-
 # ------------------------------------------------------------------------------------------------------- what it gives
 
 

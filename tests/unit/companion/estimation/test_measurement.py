@@ -2,10 +2,12 @@
 
 import math
 
+import numpy as np
 import pytest
 
 from companion.config import Camera
 from companion.estimation.measurement import (
+    PadMeasurement,
     VehicleErrors,
     measurement_from_beacon,
     measurement_from_bearing,
@@ -13,7 +15,14 @@ from companion.estimation.measurement import (
     measurement_from_range,
 )
 from companion.estimation.vehicle_history import VehiclePose
-from companion.geometry import quaternion_from_euler
+from companion.geometry import (
+    Transform,
+    euler_from_quaternion,
+    quaternion_conjugate,
+    quaternion_from_euler,
+    quaternion_multiply,
+    quaternion_normalized,
+)
 from companion.messages import PadBeacon, PadBearing, PadObservation, Vec3
 from companion.mount import mounted
 
@@ -55,6 +64,50 @@ def test_the_covariance_turns_with_the_camera() -> None:
 def test_attitude_error_is_range_times_tilt() -> None:
     m = measurement_from_observation(seen((0.0, 0.0, 8.0)), vehicle(), DOWN, VehicleErrors(0.02, 0.05, 0.0))
     assert m.systematic_sigma_m == pytest.approx(0.16)
+
+
+def turned_pad(covariance_deg2: Vec3, camera: Transform, pad_rpy_deg: Vec3) -> PadMeasurement:
+    """A pad at that roll, pitch and yaw, seen from a level vehicle, nose north, with that much doubt about each axis of the camera."""
+    roll, pitch, yaw = (math.radians(angle) for angle in pad_rpy_deg)
+    x, y, z = (variance * math.radians(1.0) ** 2 for variance in covariance_deg2)
+    doubt = ((x, 0.0, 0.0), (0.0, y, 0.0), (0.0, 0.0, z))
+    q_CP = quaternion_multiply(quaternion_conjugate(camera.q), quaternion_from_euler(roll, pitch, yaw))
+    return measurement_from_observation(
+        PadObservation(0, "down", "test", (0.0, 0.0, 4.0), NOISE, q_CP, doubt), vehicle(), camera, EXACT
+    )
+
+
+def test_doubt_about_the_axis_of_a_camera_that_looks_down_is_doubt_of_the_yaw() -> None:
+    m = turned_pad((1.0, 4.0, 9.0), DOWN, (0.0, 0.0, 30.0))
+    assert math.degrees(m.yaw_sigma_rad) == pytest.approx(3.0)
+    assert math.degrees(m.tilt_sigma_rad) == pytest.approx(
+        math.sqrt(4.0 * 0.75 + 1.0 * 0.25)
+    )  # camera x is east, y south
+
+
+def test_doubt_about_the_axis_of_a_camera_that_looks_forward_is_doubt_of_the_tilt() -> None:
+    forward = mounted(Camera(position_frd_m=(0.0, 0.0, 0.0), mount_deg=(0.0, 90.0, 0.0)))
+    m = turned_pad((1.0, 4.0, 9.0), forward, (0.0, 0.0, 0.0))
+    assert math.degrees(m.yaw_sigma_rad) == pytest.approx(2.0)  # the image's down is down
+    assert math.degrees(m.tilt_sigma_rad) == pytest.approx(3.0)
+
+
+def test_the_angles_of_a_tilted_pad_are_as_doubtful_as_turns_of_it_make_them() -> None:
+    """Against 20,000 small turns about the axes of a camera that looks ahead and down."""
+    camera, rng = mounted(Camera(position_frd_m=(0.0, 0.0, 0.0), mount_deg=(5.0, 40.0, 10.0))), np.random.default_rng(3)
+    angles = tuple(math.radians(angle) for angle in (6.0, 12.0, 50.0))
+    m = turned_pad((1.0, 4.0, 9.0), camera, (6.0, 12.0, 50.0))
+    turns = np.radians(rng.normal(0.0, (1.0, 2.0, 3.0), (20_000, 3)))
+    q_CO = quaternion_conjugate(camera.q)
+    drawn = []
+    for x, y, z in turns.tolist():
+        turn_O = quaternion_multiply(
+            quaternion_multiply(camera.q, quaternion_normalized((1.0, x / 2, y / 2, z / 2))), q_CO
+        )
+        drawn.append(euler_from_quaternion(quaternion_multiply(turn_O, quaternion_from_euler(*angles))))
+    roll, pitch, yaw = np.std(drawn, axis=0).tolist()
+    assert m.yaw_sigma_rad == pytest.approx(yaw, rel=0.03)
+    assert m.tilt_sigma_rad == pytest.approx(max(roll, pitch), rel=0.03)
 
 
 def test_a_forward_camera_looks_forward() -> None:

@@ -58,6 +58,46 @@ def test_a_position_correction_does_not_move_the_odometric_frame() -> None:
     assert pose.position_ned_m == pytest.approx((0.7, 0.0, -5.0))
 
 
+def flown(count: int, *, velocity_error: float, drift: float = 0.0) -> VehicleHistory:
+    """North at 1 m/s; the velocity is off by one, the position moves off at the other, m/s."""
+    history = VehicleHistory(10.0)
+    for k in range(count):
+        history.add(state(k, (0.02 * k * (1.0 + drift), 0.0, -5.0), velocity=(1.0 + velocity_error, 0.0, 0.0)))
+    return history
+
+
+def test_a_velocity_error_that_the_position_does_not_show_is_found_and_does_not_move_the_frame() -> None:
+    first, last = flown(400, velocity_error=0.4).at(100 * STEP_NS), flown(400, velocity_error=0.4).latest
+    assert first is not None
+    assert last is not None
+    assert last.correction_m_s == pytest.approx((-0.4, 0.0, 0.0), abs=1e-3)
+    assert last.position_o_m[0] - first.position_o_m[0] == pytest.approx(299 * 0.02, abs=1e-3)
+
+
+def test_without_corrections_the_frame_is_the_integral_of_the_velocity() -> None:
+    last = flown(400, velocity_error=0.4, drift=0.4).latest
+    assert last is not None
+    assert last.correction_m_s == pytest.approx((0.0, 0.0, 0.0), abs=1e-9)
+    assert last.position_o_m == pytest.approx(last.position_ned_m)
+
+
+def test_a_vehicle_is_continued_as_its_own_velocity_says() -> None:
+    history = flown(200, velocity_error=0.4)
+    last, later = history.latest, history.at(199 * STEP_NS + 100_000_000)
+    assert last is not None
+    assert later is not None
+    assert later.position_ned_m[0] - last.position_ned_m[0] == pytest.approx(0.14, abs=1e-6)
+    assert later.position_o_m[0] - last.position_o_m[0] == pytest.approx(0.10, abs=1e-3)
+
+
+def test_a_velocity_that_is_reset_is_corrected_by_that_much_less() -> None:
+    history = flown(200, velocity_error=0.4)
+    history.add(state(200, (4.0, 0.0, -5.0), velocity=(0.9, 0.0, 0.0), resets=1))
+    last = history.latest
+    assert last is not None
+    assert last.correction_m_s == pytest.approx((0.1, 0.0, 0.0), abs=1e-2)
+
+
 def test_a_reset_is_reported_with_its_steps_and_leaves_the_odometric_position_continuous() -> None:
     history = moving()
     reset = history.add(state(10, (3.2, 0.0, -5.0), velocity=(1.4, -0.2, 0.0), resets=1))
