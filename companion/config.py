@@ -16,6 +16,9 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import Meta, Struct
 
+from companion.io import camera_info
+from companion.io.camera_info import CalibrationError, CameraInfo
+
 Positive = Annotated[float, Meta(gt=0.0)]
 NonNegative = Annotated[float, Meta(ge=0.0)]
 Fraction = Annotated[float, Meta(ge=0.0, le=1.0)]
@@ -403,15 +406,33 @@ def _beside(path: Path, data: dict[str, Any]) -> dict[str, Any]:
 
 def _calibrated(config: Config) -> Config:
     """Cameras with what their calibration files say."""
-    from companion.io.camera_info import calibrated  # it needs this module
-
     cameras = {}
     for name, camera in config.cameras.items():
         try:
             cameras[name] = calibrated(camera)
-        except ConfigError as error:
+        except CalibrationError as error:
             raise ConfigError(f"[cameras.{name}] calibration_file: {error}") from error
     return msgspec.structs.replace(config, cameras=cameras)
+
+
+def calibrated(camera: Camera) -> Camera:
+    """The camera with the lens of its `calibration_file`, itself where it names none. CalibrationError as `camera_info.read`."""
+    return with_lens(camera, camera_info.read(Path(camera.calibration_file))) if camera.calibration_file else camera
+
+
+def with_lens(camera: Camera, lens: CameraInfo) -> Camera:
+    """The configured camera with the calibrated lens in place of its own."""
+    return msgspec.structs.replace(
+        camera,
+        model=lens.model,
+        width_px=lens.width_px,
+        height_px=lens.height_px,
+        fx_px=lens.fx_px,
+        fy_px=lens.fy_px,
+        cx_px=lens.cx_px,
+        cy_px=lens.cy_px,
+        distortion=lens.distortion,
+    )
 
 
 def parse_value(text: str) -> Any:

@@ -80,6 +80,20 @@ def test_a_stage_never_imports_another_stage(path: Path) -> None:
     assert not found, f"{path.relative_to(ROOT)} imports {found}"
 
 
+def modules() -> dict[str, set[str]]:
+    """Every module of the app and the modules of the app that it names in an import, inside functions and for types alone too."""
+    files = {path.relative_to(ROOT).with_suffix("").as_posix().replace("/", "."): path for path in sources("companion")}
+    files = {name.removesuffix(".__init__"): path for name, path in files.items()}
+    return {name: {there for there, _ in imported(path) if there in files} for name, path in files.items()}
+
+
+def test_no_two_files_import_each_other() -> None:
+    """A folder's __init__ may name its files: it is what the folder shows."""
+    graph = modules()
+    pairs = [(a, b) for a in graph for b in graph[a] if a < b and a in graph[b] and not b.startswith(f"{a}.")]
+    assert not pairs
+
+
 @pytest.mark.parametrize("path", sources("sitl_stub"), ids=lambda path: str(path.relative_to(ROOT)))
 def test_the_simulator_imports_nothing_of_the_app(path: Path) -> None:
     assert not [name for name, _ in imported(path) if name.split(".")[0] == "companion"]

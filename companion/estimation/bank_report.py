@@ -1,33 +1,46 @@
-"""A track as the PadEstimate message, in O; `moved` brings it to W."""
+"""What a bank's track tells as the PadEstimate message, in O; `moved` brings it to W. Called by bank_track.py and tracker.py."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 from companion.estimation import bank
+from companion.estimation.bank import Member
 from companion.estimation.gate import NS
 from companion.estimation.motion import SHARED, VX, VY, X, Y
 from companion.estimation.vertical import VerticalView
 from companion.geometry import add, wrap_pi
 from companion.messages import PadEstimate, Vec3
 
-if TYPE_CHECKING:
-    from companion.estimation.bank_track import BankTrack
-
 MOVING_M_S = 0.5
 """Above this speed a pad whose yaw was never seen is taken to point where it goes."""
 
 
-def estimate_of(track: BankTrack, name: str) -> PadEstimate:
+@dataclass(frozen=True, slots=True)
+class TrackView:
+    """A track as far as it is told: `yaw` is the heading filter's yaw and rate, `tilt_rad` roll and pitch, `systematic_m2` the
+    variance that sights share."""
+
+    t_ns: int
+    members: Sequence[Member]
+    deck: VerticalView
+    yaw: tuple[float, float] | None
+    tilt_rad: tuple[float, float]
+    systematic_m2: float
+    vision_ns: int | None
+    beacon_ns: int | None
+
+
+def estimate_of(track: TrackView, name: str) -> PadEstimate:
     """The track as the message. Positions are in O: tracker.py moves them to W."""
     now = bank.combined(track.members)
-    x, deck = now.x, track.settings.vertical.view(track.height)
+    x, deck = now.x, track.deck
     turn = now.motion.turn_rate_rad_s
     yaw, yaw_rate = _yaw(track, x[VX], x[VY], turn)
     acceleration = now.motion.acceleration_m_s2
-    roll, pitch = track.tilt_angles()
+    roll, pitch = track.tilt_rad
     best = max(track.members, key=lambda member: member.probability)
     return PadEstimate(
         t_ns=track.t_ns,
@@ -46,12 +59,12 @@ def estimate_of(track: BankTrack, name: str) -> PadEstimate:
     )
 
 
-def _yaw(track: BankTrack, vx: float, vy: float, turn: float) -> tuple[float, float]:
+def _yaw(track: TrackView, vx: float, vy: float, turn: float) -> tuple[float, float]:
     """Measured yaw where there is one, else the direction of travel. Models that turn know the yaw better than the heading
     filter, in proportion to their probability."""
     if track.yaw is None:
         return (math.atan2(vy, vx) if math.hypot(vx, vy) > MOVING_M_S else 0.0), turn
-    yaw, rate = track.yaw[0]
+    yaw, rate = track.yaw
     correction = rate_correction = 0.0
     for member in track.members:
         yaw_index, turn_index = member.model.yaw_index, member.model.turn_index

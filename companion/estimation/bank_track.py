@@ -13,7 +13,7 @@ from statistics import NormalDist
 
 from companion.estimation import bank, heading
 from companion.estimation.bank import Member, Mixture, Row
-from companion.estimation.bank_report import estimate_of
+from companion.estimation.bank_report import TrackView, estimate_of
 from companion.estimation.gate import AGREEING, NS, AxisGate, Decision, judge
 from companion.estimation.heading import SteadyHeading
 from companion.estimation.measurement import PadMeasurement
@@ -102,7 +102,17 @@ class BankTrack:
         return fuse(self, m)
 
     def estimate(self, name: str) -> PadEstimate:
-        return estimate_of(self, name)
+        view = TrackView(
+            t_ns=self.t_ns,
+            members=self.members,
+            deck=self.settings.vertical.view(self.height),
+            yaw=None if self.yaw is None else (self.yaw[0][heading.YAW], self.yaw[0][heading.RATE]),
+            tilt_rad=self.tilt_angles(),
+            systematic_m2=self.systematic_m2,
+            vision_ns=self.vision_ns,
+            beacon_ns=self.beacon_ns,
+        )
+        return estimate_of(view, name)
 
     def outlook(self) -> BankOutlook:
         s, level = self.settings, (self.roll_rad, self.pitch_rad)

@@ -9,11 +9,11 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol, Self, TypeVar
+from typing import Protocol, TypeVar
 
 from companion.estimation.gate import NS
 from companion.estimation.measurement import PadMeasurement
-from companion.estimation.outlook import Outlook, PadMotion
+from companion.estimation.outlook import Foreseen, Outlook, PadMotion
 from companion.messages import MeasurementVerdict, PadEstimate
 
 COAST_STEP_NS = 100_000_000
@@ -21,26 +21,17 @@ LOOK_AHEAD_NS = 500_000_000
 """A track that coasts is advanced on a grid and kept, so that a long outage costs each query no more than this."""
 
 
-class Track(Protocol):
+class Track(Foreseen, Protocol):
     """A pad at `t_ns`: what a family of estimators has to provide."""
-
-    t_ns: int
-
-    def copied(self) -> Self: ...
 
     def advance(self, t_ns: int) -> None:
         """Predict to `t_ns` in order to fuse a measurement there."""
-
-    def look_ahead(self, t_ns: int) -> None:
-        """Predict to `t_ns` in order to look: a bank then does without exchange between its models."""
 
     def outlook(self) -> Outlook:
         """A copy for looking ahead at the motion alone."""
 
     def fuse(self, m: PadMeasurement) -> MeasurementVerdict:
         """Fuse a measurement of the track's own time."""
-
-    def estimate(self, name: str) -> PadEstimate: ...
 
 
 Coasting = TypeVar("Coasting", Track, Outlook)

@@ -7,19 +7,15 @@ same bits as the estimate of that time would hold. Frame O, NED, SI. Called by f
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol, Self
+from typing import Protocol, Self
 
 from companion.estimation import bank
+from companion.estimation.bank import Member
 from companion.estimation.gate import NS
-from companion.estimation.oscillator import MEAN, SWING
+from companion.estimation.oscillator import MEAN, SWING, Oscillator
+from companion.estimation.vertical import State, Vertical
 from companion.geometry import add
-from companion.messages import Vec3
-
-if TYPE_CHECKING:
-    from companion.estimation.bank import Member
-    from companion.estimation.filter import Track
-    from companion.estimation.oscillator import Oscillator
-    from companion.estimation.vertical import State, Vertical
+from companion.messages import PadEstimate, Vec3
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,11 +96,24 @@ def _with_own_mean(state: State) -> State:
     return state[0][:], state[1]
 
 
+class Foreseen(Protocol):
+    """Of a track, what looking ahead needs."""
+
+    t_ns: int
+
+    def copied(self) -> Self: ...
+
+    def look_ahead(self, t_ns: int) -> None:
+        """Predict to `t_ns` in order to look: a bank then does without exchange between its models."""
+
+    def estimate(self, name: str) -> PadEstimate: ...
+
+
 @dataclass(slots=True)
 class WholeOutlook:
     """Of a track that has no cheaper way than to be predicted whole."""
 
-    track: Track
+    track: Foreseen
 
     @property
     def t_ns(self) -> int:

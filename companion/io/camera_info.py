@@ -1,4 +1,4 @@
-"""Lens calibrations as ROS camera_info YAML: read into the configuration, written by `companion calibrate`.
+"""Lens calibrations as ROS camera_info YAML: read by the configuration, written by `companion calibrate`.
 
 The format is fixed and small, so it is read here without a YAML library: scalars, one level of nesting, and number lists in
 brackets, which may run over lines. Lens names: plumb_bob and rational_polynomial are `pinhole`, equidistant or fisheye is
@@ -11,11 +11,7 @@ import math
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
-
-import msgspec
-
-from companion import config
+from typing import Literal, Protocol
 
 LensModel = Literal["pinhole", "kannala_brandt", "scaramuzza"]
 _MODELS: dict[str, LensModel] = {
@@ -43,47 +39,52 @@ class CameraInfo:
     distortion: tuple[float, ...]
 
 
-def calibrated(camera: config.Camera) -> config.Camera:
-    """The camera with the lens of its `calibration_file`, itself where it names none. ConfigError as `read`."""
-    return onto(camera, read(Path(camera.calibration_file))) if camera.calibration_file else camera
+class CalibrationError(ValueError):
+    """The file cannot be used. The text names it, the key and what is wrong."""
 
 
-def onto(camera: config.Camera, info: CameraInfo) -> config.Camera:
-    """The configured camera with the calibrated lens in place of its own."""
-    return msgspec.structs.replace(
-        camera,
-        model=info.model,
-        width_px=info.width_px,
-        height_px=info.height_px,
-        fx_px=info.fx_px,
-        fy_px=info.fy_px,
-        cx_px=info.cx_px,
-        cy_px=info.cy_px,
-        distortion=info.distortion,
-    )
+class Lens(Protocol):
+    """What a configured camera says of its lens."""
+
+    @property
+    def model(self) -> LensModel: ...
+    @property
+    def width_px(self) -> int: ...
+    @property
+    def height_px(self) -> int: ...
+    @property
+    def fx_px(self) -> float: ...
+    @property
+    def fy_px(self) -> float: ...
+    @property
+    def cx_px(self) -> float: ...
+    @property
+    def cy_px(self) -> float: ...
+    @property
+    def distortion(self) -> tuple[float, ...]: ...
 
 
-def of(name: str, camera: config.Camera) -> CameraInfo:
+def of(name: str, lens: Lens) -> CameraInfo:
     """The lens of a configured camera, to be written."""
     return CameraInfo(
         name=name,
-        model=camera.model,
-        width_px=camera.width_px,
-        height_px=camera.height_px,
-        fx_px=camera.fx_px,
-        fy_px=camera.fy_px,
-        cx_px=camera.cx_px,
-        cy_px=camera.cy_px,
-        distortion=camera.distortion,
+        model=lens.model,
+        width_px=lens.width_px,
+        height_px=lens.height_px,
+        fx_px=lens.fx_px,
+        fy_px=lens.fy_px,
+        cx_px=lens.cx_px,
+        cy_px=lens.cy_px,
+        distortion=lens.distortion,
     )
 
 
 def read(path: Path) -> CameraInfo:
-    """ConfigError names the file and what is missing or wrong in it."""
+    """CalibrationError names the file and what is missing or wrong in it."""
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise config.ConfigError(f"{path}: cannot be read: {error}") from error
+        raise CalibrationError(f"{path}: cannot be read: {error}") from error
     return parse(text, str(path))
 
 
@@ -92,22 +93,22 @@ def write(path: Path, info: CameraInfo) -> None:
 
 
 def parse(text: str, origin: str) -> CameraInfo:
-    """The calibration in a camera_info YAML text; ConfigError names `origin` and the key."""
+    """The calibration in a camera_info YAML text; CalibrationError names `origin` and the key."""
     values = _flattened(text)
     K = _numbers(values, "camera_matrix.data", origin)
     if len(K) != 9:
-        raise config.ConfigError(f"{origin}: camera_matrix.data has {len(K)} numbers, not 9")
+        raise CalibrationError(f"{origin}: camera_matrix.data has {len(K)} numbers, not 9")
     if not (0.0 < K[0] < math.inf and 0.0 < K[4] < math.inf):
-        raise config.ConfigError(f"{origin}: camera_matrix.data: focal lengths {K[0]:g} and {K[4]:g} must be positive")
+        raise CalibrationError(f"{origin}: camera_matrix.data: focal lengths {K[0]:g} and {K[4]:g} must be positive")
     ros_model = _text(values, "distortion_model", origin)
     if ros_model not in _MODELS:
         known = ", ".join(sorted(_MODELS))
-        raise config.ConfigError(f"{origin}: distortion_model = {ros_model!r} is not known; known: {known}")
+        raise CalibrationError(f"{origin}: distortion_model = {ros_model!r} is not known; known: {known}")
     model = _MODELS[ros_model]
     distortion = _numbers(values, "distortion_coefficients.data", origin)
     if len(distortion) not in _COUNTS[model]:
         allowed = " or ".join(str(count) for count in _COUNTS[model])
-        raise config.ConfigError(
+        raise CalibrationError(
             f"{origin}: distortion_coefficients.data has {len(distortion)} numbers, {ros_model} has {allowed}"
         )
     return CameraInfo(
@@ -175,23 +176,23 @@ def _flattened(text: str) -> dict[str, str]:
 
 def _text(values: dict[str, str], key: str, origin: str) -> str:
     if key not in values:
-        raise config.ConfigError(f"{origin}: {key} is missing; is this a ROS camera_info file?")
+        raise CalibrationError(f"{origin}: {key} is missing; is this a ROS camera_info file?")
     return values[key].strip("\"'")
 
 
 def _whole(values: dict[str, str], key: str, origin: str) -> int:
     text = _text(values, key, origin)
     if not text.isdigit() or int(text) < 16:
-        raise config.ConfigError(f"{origin}: {key} = {text!r}: expected a whole number of pixels, at least 16")
+        raise CalibrationError(f"{origin}: {key} = {text!r}: expected a whole number of pixels, at least 16")
     return int(text)
 
 
 def _numbers(values: dict[str, str], key: str, origin: str) -> tuple[float, ...]:
     text = _text(values, key, origin)
     if not (text.startswith("[") and text.endswith("]")):
-        raise config.ConfigError(f"{origin}: {key} = {text[:60]!r}: expected a list of numbers in brackets")
+        raise CalibrationError(f"{origin}: {key} = {text[:60]!r}: expected a list of numbers in brackets")
     text = text[1:-1]
     try:
         return tuple(float(part) for part in text.split(",") if part.strip())
     except ValueError as error:
-        raise config.ConfigError(f"{origin}: {key}: {error}") from error
+        raise CalibrationError(f"{origin}: {key}: {error}") from error

@@ -51,7 +51,7 @@ def test_what_is_written_is_read_back(tmp_path: Path, model: str, distortion: tu
     camera = config.Camera(model=model, distortion=distortion, fx_px=300.25, fy_px=301.5)  # type: ignore[arg-type]
     path = tmp_path / "down.yaml"
     camera_info.write(path, camera_info.of("down", camera))
-    assert camera_info.onto(config.Camera(delay_s=0.1), camera_info.read(path)) == config.Camera(
+    assert config.with_lens(config.Camera(delay_s=0.1), camera_info.read(path)) == config.Camera(
         model=model,  # type: ignore[arg-type]
         distortion=distortion,
         fx_px=300.25,
@@ -63,12 +63,12 @@ def test_what_is_written_is_read_back(tmp_path: Path, model: str, distortion: tu
 def test_the_calibration_file_of_a_camera_replaces_its_lens_only(tmp_path: Path) -> None:
     path = tmp_path / "front.yaml"
     path.write_text(ROS_FILE, encoding="utf-8")
-    camera = camera_info.calibrated(config.Camera(calibration_file=str(path), mount_deg=(0.0, 90.0, 0.0)))
+    camera = config.calibrated(config.Camera(calibration_file=str(path), mount_deg=(0.0, 90.0, 0.0)))
     assert (camera.width_px, camera.fx_px, camera.mount_deg) == (848, 422.27, (0.0, 90.0, 0.0))
 
 
 def test_a_camera_without_a_calibration_file_stays_as_it_is() -> None:
-    assert camera_info.calibrated(config.Camera()) == config.Camera()
+    assert config.calibrated(config.Camera()) == config.Camera()
 
 
 @pytest.mark.parametrize(
@@ -83,18 +83,18 @@ def test_a_camera_without_a_calibration_file_stays_as_it_is() -> None:
     ],
 )
 def test_what_is_wrong_is_named_with_the_file(old: str, new: str, text: str) -> None:
-    with pytest.raises(config.ConfigError, match=text) as refused:
+    with pytest.raises(camera_info.CalibrationError, match=text) as refused:
         camera_info.parse(ROS_FILE.replace(old, new), "front.yaml")
     assert "front.yaml" in str(refused.value)
 
 
 def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
-    with pytest.raises(config.ConfigError, match=r"missing\.yaml"):
+    with pytest.raises(camera_info.CalibrationError, match=r"missing\.yaml"):
         camera_info.read(tmp_path / "missing.yaml")
 
 
 def test_a_focal_length_that_no_lens_has_is_refused() -> None:
-    with pytest.raises(config.ConfigError, match="must be positive"):
+    with pytest.raises(camera_info.CalibrationError, match="must be positive"):
         camera_info.parse(ROS_FILE.replace("422.27", "-1"), "front.yaml")
 
 
