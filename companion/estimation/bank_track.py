@@ -47,7 +47,7 @@ class TrackSettings:
     heading: SteadyHeading = STEADY_HEADING
     tilt: Oscillator | None = None
     """Roll and pitch swing on a boat; on the ground the last measured ones are kept."""
-    carried_share: float = 1.0
+    carried_share: float = 0.5
     """How much of the error that neighbouring sights share (the vehicle's attitude times range) each sight carries as if it were
     its own. That error wanders over seconds: of sights taken for exact to their own noise the bank makes a motion of the pad."""
 
