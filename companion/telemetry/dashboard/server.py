@@ -152,6 +152,8 @@ async def _watch(socket: WebSocket, picture: Picture, rate_hz: float) -> None:
     """Send until the viewer is gone. A slow viewer gets fewer updates, not older ones."""
     gone = asyncio.create_task(_until_gone(socket))
     last_event, last_shot_ns = 0, None
+    now_s = asyncio.get_running_loop().time
+    due_s = now_s()
     try:
         while not gone.done():
             events = picture.events_after(last_event)
@@ -165,7 +167,8 @@ async def _watch(socket: WebSocket, picture: Picture, rate_hz: float) -> None:
             await socket.send_text(msgspec.json.encode(content).decode())
             if shot is not None and is_new:
                 await socket.send_bytes(_jpeg(shot))
-            await asyncio.wait((gone,), timeout=1.0 / rate_hz)
+            due_s = max(due_s + 1.0 / rate_hz, now_s())
+            await asyncio.wait((gone,), timeout=due_s - now_s())
     except (WebSocketDisconnect, RuntimeError):  # starlette: sending after the close
         pass
     finally:

@@ -255,17 +255,23 @@ def test_a_broker_that_stalls_delays_nobody_and_the_oldest_go(
     broker: Broker, service: MqttService, inbox: Inbox
 ) -> None:
     broker.send(signal.SIGSTOP)
-    longest_s = 0.0
-    for index in range(20_000):
-        began = time.perf_counter()
-        service.put(PhaseChanged(index, Phase.FOLLOW, Phase.DESCEND, "x" * 1000))
-        longest_s = max(longest_s, time.perf_counter() - began)
+    longest_s = [longest_put_s(service, 4000) for _ in range(5)]
     assert service.outbox.dropped > 0
     assert len(service.outbox) <= 256
     broker.send(signal.SIGCONT)
     inbox.until(lambda message: isinstance(message, Health) and message.subject == "mqtt queue")
-    # The broker is stopped: a put that waited for it could end with the time-out of 1 s only, however slow the machine is.
-    assert longest_s < 0.9, "a put never waits for the broker, whose timeout is 1 s"
+    # The broker is stopped: a put that waited for it could end with the time-out of 1 s only, in each of the five rounds. In one of
+    # them a busy machine may let this thread wait as long.
+    assert min(longest_s) < 0.9, "a put never waits for the broker, whose timeout is 1 s"
+
+
+def longest_put_s(service: MqttService, count: int) -> float:
+    longest_s = 0.0
+    for index in range(count):
+        began = time.perf_counter()
+        service.put(PhaseChanged(index, Phase.FOLLOW, Phase.DESCEND, "x" * 1000))
+        longest_s = max(longest_s, time.perf_counter() - began)
+    return longest_s
 
 
 @needs_mosquitto
