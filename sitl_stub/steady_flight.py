@@ -122,10 +122,46 @@ def _seems_landed(k: Any, e: Any, limits: GroundContactLimits, asked: Asked) -> 
 
 
 @used_by_kernels
-def _put_body(row: Any, state: tuple[float, ...], acceleration: Vec3) -> None:
+def _put_body_numbers(row: Any, state: tuple[float, ...], acceleration: Vec3) -> None:
     row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8] = state[:9]
     row[9], row[10], row[11], row[12], row[13], row[14], row[15], row[16] = state[9:]
     row[17], row[18], row[19] = acceleration
+
+
+def _put_body_slices(row: Any, state: tuple[float, ...], acceleration: Vec3) -> None:
+    row[:17], row[17:] = state, acceleration
+
+
+@used_by_kernels
+def _state_numbers(b: Any) -> tuple[float, ...]:
+    return (
+        b[0],
+        b[1],
+        b[2],
+        b[3],
+        b[4],
+        b[5],
+        b[6],
+        b[7],
+        b[8],
+        b[9],
+        b[10],
+        b[11],
+        b[12],
+        b[13],
+        b[14],
+        b[15],
+        b[16],
+    )
+
+
+def _state_slice(b: Any) -> tuple[float, ...]:
+    return tuple(b[:17])
+
+
+# Tuples out of arrays number by number, out of lists by slices: each is the quick way where it is used.
+_put_body = _put_body_numbers if COMPILED else _put_body_slices
+_state_of = _state_numbers if COMPILED else _state_slice
 
 
 @compiled
@@ -150,25 +186,7 @@ def fly_steadily(
     decision are made. From step `kept_from` on, the state that messages are made of is kept in `rows`.
     """
     c, asked = _constants_of(constants), _asked_of(wanted)
-    state: tuple[float, ...] = (
-        b[0],
-        b[1],
-        b[2],
-        b[3],
-        b[4],
-        b[5],
-        b[6],
-        b[7],
-        b[8],
-        b[9],
-        b[10],
-        b[11],
-        b[12],
-        b[13],
-        b[14],
-        b[15],
-        b[16],
-    )
+    state = _state_of(b)
     acceleration = (b[17], b[18], b[19])
     loads = Loads(wind[0], wind[1], wind[2], 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     rows_b, rows_e, rows_k = rows

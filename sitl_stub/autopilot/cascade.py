@@ -192,7 +192,7 @@ class Cascade:
             self._since_position_us = 0
 
     def _control_rates(self, dt_s: float, estimate: VehicleEstimate, constraints: FlightConstraints) -> None:
-        torque, self.rate_state = control_rates(
+        torque, state = control_rates(
             self.rate_state,
             estimate.angular_velocity_frd_rad_s,
             self.rates_setpoint_frd_rad_s,
@@ -202,7 +202,7 @@ class Cascade:
             self._rate_gains,
             dt_s,
         )
-        self.torque_setpoint = torque
+        self.rate_state, self.torque_setpoint = RateState(*state), torque
         self.motors, self._saturated = mix(self.thrust_setpoint, torque)
 
     def _take_rates(self, setpoint: RatesSetpoint, estimate: VehicleEstimate) -> None:

@@ -47,10 +47,14 @@ class HoverState(NamedTuple):
     good_for_s: float = 0.0
 
 
+HoverNumbers = tuple[float, float, float, float, float, float, float]
+"""Of a HoverState; a plain tuple is made in a quarter of the time."""
+
+
 @used_by_kernels
 def fuse(
-    s: HoverState, settings: HoverSettings, acceleration_up: float, thrust_up: float, velocity: Vec3, dt: float
-) -> HoverState:
+    s: HoverNumbers, settings: HoverSettings, acceleration_up: float, thrust_up: float, velocity: Vec3, dt: float
+) -> HoverNumbers:
     """The filter after one pair of acceleration and thrust."""
     value, variance, was_valid, noise, residual, last_ratio, good_for_s = s
     start, reach, process, gate, _, fast_z, fast_xy = settings
@@ -84,7 +88,7 @@ def fuse(
     good = variance < _VALID_VARIANCE and (was_valid > 0.0 or ratio < 1.0)
     good_for_s = good_for_s + dt if good else 0.0
     valid = 1.0 if good and (was_valid > 0.0 or good_for_s >= _VALID_AFTER_S) else 0.0
-    return HoverState(value, variance, valid, noise, residual, last_ratio, good_for_s)
+    return (value, variance, valid, noise, residual, last_ratio, good_for_s)
 
 
 class HoverThrust:
@@ -129,4 +133,4 @@ class HoverThrust:
 
     def update(self, acceleration_up: float, thrust_up: float, velocity_ned_m_s: Vec3, dt: float) -> None:
         """Fuse one pair of acceleration and thrust."""
-        self.state = fuse(self.state, self.settings, acceleration_up, thrust_up, velocity_ned_m_s, dt)
+        self.state = HoverState(*fuse(self.state, self.settings, acceleration_up, thrust_up, velocity_ned_m_s, dt))

@@ -174,6 +174,20 @@ def control_position(
     dt: float,
 ) -> PositionDemand:
     """One step of both loops. `at.ax..az` is the filtered derivative of the estimated velocity."""
+    return PositionDemand(*demand_numbers(sp, at, integral, hover_thrust, gains, limits, dt))
+
+
+@used_by_kernels
+def demand_numbers(
+    sp: Motion,
+    at: Motion,
+    integral: Vec3,
+    hover_thrust: float,
+    gains: PositionGains,
+    limits: PositionLimits,
+    dt: float,
+) -> tuple[float, float, float, float, float, float, float, float, float, float, float, float]:
+    """The numbers of the PositionDemand; a plain tuple is made in a quarter of the time."""
     vx, vy, vz = _velocity_demand(sp, at, gains, limits)
     ex, ey, ez = vx - at.vx, vy - at.vy, vz - at.vz
     ix, iy, iz = integral
@@ -215,7 +229,7 @@ def control_position(
     iy += gains.i_xy * ey * dt if ey == ey else 0.0
     iz += gains.i_z * ez * dt if ez == ez else 0.0
     iz = min(max(iz, -GRAVITY_M_S2), GRAVITY_M_S2)
-    return PositionDemand(vx, vy, vz, ax, ay, az, tx, ty, tz, ix, iy, iz)
+    return vx, vy, vz, ax, ay, az, tx, ty, tz, ix, iy, iz
 
 
 @used_by_kernels

@@ -78,8 +78,8 @@ def control_rates(
     landed: bool,
     gains: RateGains,
     dt: float,
-) -> tuple[Vec3, RateState]:
-    """Normalised torques and the new state. `saturated` holds the sign of the torque the mixer could not give, per axis."""
+) -> tuple[Vec3, tuple[float, float, float, float]]:
+    """Normalised torques and the numbers of the new RateState. `saturated` holds the sign of the torque the mixer could not give, per axis."""
     (p0, p1, p2), (d0, d1, d2), (f0, f1, f2) = gains.p, gains.d, gains.feed_forward
     (s0, s1, s2), (a0, a1, a2) = demand, acceleration
     e0, e1, e2 = s0 - rates[0], s1 - rates[1], s2 - rates[2]
@@ -93,4 +93,4 @@ def control_rates(
         i0 = _integrate(i0, e0, g[0], most[0], saturated[0], dt)
         i1 = _integrate(i1, e1, g[1], most[1], saturated[1], dt)
         i2 = _integrate(i2, e2, g[2], most[2], saturated[2], dt)
-    return (roll, pitch, yaw_torque), RateState(i0, i1, i2, yaw_torque)
+    return (roll, pitch, yaw_torque), (i0, i1, i2, yaw_torque)

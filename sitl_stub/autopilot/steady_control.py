@@ -10,14 +10,14 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from sitl_stub.autopilot.attitude_control import AttitudeGains, control_attitude
-from sitl_stub.autopilot.hover_thrust import GRAVITY_M_S2, HoverSettings, HoverState, fuse
+from sitl_stub.autopilot.hover_thrust import GRAVITY_M_S2, HoverSettings, fuse
 from sitl_stub.autopilot.mixer import mix
 from sitl_stub.autopilot.position_control import (
     Motion,
     PositionGains,
     PositionLimits,
     attitude_from_thrust,
-    control_position,
+    demand_numbers,
 )
 from sitl_stub.autopilot.rate_control import RateGains, control_rates
 from sitl_stub.compiled import used_by_kernels
@@ -110,7 +110,7 @@ def _control_position(k: Any, e: Any, c: LoopConstants, asked: Asked, dt: float)
         vz += min(speed / c.land_speed, 1.0) * (e[59] - vz)
     step = _TILT_SLEW_RAD_S * dt
     k[20] += min(max(c.tilt - k[20], -step), step)
-    demand = control_position(
+    demand = demand_numbers(
         sp,
         Motion(e[50], e[51], e[52], e[53], e[54], vz, k[24], k[25], k[26]),
         (k[16], k[17], k[18]),
@@ -129,11 +129,12 @@ def _control_position(k: Any, e: Any, c: LoopConstants, asked: Asked, dt: float)
 
 @used_by_kernels
 def _estimate_hover_thrust(k: Any, e: Any, c: LoopConstants, dt: float) -> None:
-    before = HoverState(k[35], k[36], k[37], k[38], k[39], k[40], k[41])
+    before = (k[35], k[36], k[37], k[38], k[39], k[40], k[41])
     after = fuse(before, c.hover, -e[58], -k[50], (e[53], e[54], e[55]), dt)
     k[35], k[36], k[37], k[38], k[39], k[40], k[41] = after
-    if after.is_valid > 0.0:
+    value, is_valid = after[0], after[2]
+    if is_valid > 0.0:
         # The z integrator keeps the thrust where it is.
         az = k[47]
-        k[18] += (az - GRAVITY_M_S2) * k[19] / after.value + GRAVITY_M_S2 - az
-        k[19] = after.value
+        k[18] += (az - GRAVITY_M_S2) * k[19] / value + GRAVITY_M_S2 - az
+        k[19] = value

@@ -21,7 +21,8 @@ def _step(
     saturated: tuple[float, float, float] = ZERO,
     landed: bool = False,
 ) -> tuple[tuple[float, float, float], RateState]:
-    return control_rates(state, rates, demand, acceleration, saturated, landed, GAINS, DT_S)
+    torque, numbers = control_rates(state, rates, demand, acceleration, saturated, landed, GAINS, DT_S)
+    return torque, RateState(*numbers)
 
 
 def test_torque_is_p_on_the_error_minus_d_on_the_measured_acceleration() -> None:
