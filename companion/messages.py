@@ -314,6 +314,11 @@ class PadEstimate:
         """Horizontal position standard deviation, m (root mean square of the two axes)."""
         return float(((self.covariance[0][0] + self.covariance[1][1]) / 2.0) ** 0.5)
 
+    @property
+    def velocity_sigma_m_s(self) -> float:
+        """Horizontal velocity standard deviation, m/s (root sum of squares of the two axes)."""
+        return float((self.covariance[3][3] + self.covariance[4][4]) ** 0.5)
+
 
 @dataclass(frozen=True, slots=True)
 class MeasurementVerdict:

@@ -196,6 +196,8 @@ class Situation:
             relative_speed_m_s=horizontal_norm(velocity) if known and velocity is not None else None,
             commanded_sink_m_s=0.0 if self.commanded_down_m_s is None else self.commanded_down_m_s - pad_down,
             thrust_normalized=thrust,
+            pad_speed_m_s=0.0 if pad is None else horizontal_norm(pad.velocity_ned_m_s),
+            pad_velocity_sigma_m_s=0.0 if pad is None else pad.velocity_sigma_m_s,
         )
         self._evidence = self._touchdown.update(signs, dt_s=dt_s)
 

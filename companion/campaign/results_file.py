@@ -62,9 +62,13 @@ class ResultsFile:
         self._file.flush()
 
 
-def stored_rows(path: Path) -> dict[int, Row]:
-    """The rows of a finished or unfinished campaign, only to look at; empty where there is no such file."""
+def stored_rows(path: Path, fingerprint: str | None = None) -> dict[int, Row]:
+    """The rows of a finished or unfinished campaign, only to look at; empty where there is no such file, or where it belongs
+    to another `fingerprint` than the one given."""
     if not path.is_file():
         return {}
     whole, _, _ = path.read_text(encoding="utf-8").rpartition("\n")
-    return {row["sample"]: row for row in map(json.loads, whole.splitlines()[1:])}
+    header, *lines = whole.splitlines() or ["{}"]
+    if fingerprint is not None and json.loads(header).get("campaign") != fingerprint:
+        return {}
+    return {row["sample"]: row for row in map(json.loads, lines)}

@@ -2,9 +2,10 @@
 
     predictor   vh' = m (u + sigma - vh) + a          the autopilot's velocity loop as it should answer
     adaptation  sigma = -(e^-mT / (1 - e^-mT)) (vh - v)   piecewise constant: explains the error of one step T away
-    control     u = u_base - w / (s + w) sigma        only what the vehicle can follow is compensated
+    control     a = a_base - m w / (s + w) sigma      only what the vehicle can follow is compensated
 
-m is the gain of PX4's velocity loop, u the velocity and a the acceleration that are sent, v the measured output (the vehicle's
+The compensation is sent as acceleration: PX4 adds it to its own demand. As a velocity it would be an error that PX4's integrator
+works against. m is the gain of PX4's velocity loop, u the velocity and a the acceleration that are sent, v the measured output (the vehicle's
 velocity), sigma the disturbance as if it were added to u. The base law is velocity.py without its integral and demand, which
 would answer the same wind twice. Horizontal, W (NED).
 """
@@ -43,10 +44,11 @@ class AdaptiveLaw:
         if control.feedback:
             self._north.observe(v[0], control.dt_s)
             self._east.observe(v[1], control.dt_s)
-        sent: Vec3 = (u[0] - self._north.compensated_m_s, u[1] - self._east.compensated_m_s, u[2])
-        self._north.predict(sent[0], a[0], v[0], control.dt_s)
-        self._east.predict(sent[1], a[1], v[1], control.dt_s)
-        return ControlOutput(sent, a)
+        north, east = (MODEL_GAIN_HZ * axis.compensated_m_s for axis in (self._north, self._east))
+        sent: Vec3 = (a[0] - north, a[1] - east, a[2])
+        self._north.predict(u[0], sent[0], v[0], control.dt_s)
+        self._east.predict(u[1], sent[1], v[1], control.dt_s)
+        return ControlOutput(u, sent)
 
 
 class MatchedDisturbance:

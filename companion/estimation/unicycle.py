@@ -27,6 +27,9 @@ BIASED = (ObservationSource.BEACON, ObservationSource.ODOMETRY)
 START_AFTER_M = 1.0
 """Direction and speed are taken from the first two sights this far apart."""
 MAX_TURN_RAD_S = 1.0
+TURN_KEPT_S, TURN_FADES_S = 1.0, 1.0
+"""Unseen, the platform is believed to turn on for the first, and to come out of the turn within about the second: no path
+turns for ever, and a prediction that does leads the vehicle round in a circle."""
 AXES = ("north", "east", "down")
 
 
@@ -125,9 +128,16 @@ class UnicycleTrack:
         if dt_s <= 0.0:
             return
         work = room([0.0] * 4), room([0.0] * 25)
-        u1 = self.turn_rad_s
+        u1 = self.turn_now_rad_s
         predict_unicycle(self.x, self.P, *work, dt_s, u1, s.position_psd, s.height_psd, s.theta_psd, s.speed_psd)
         self.t_ns = t_ns
+
+    @property
+    def turn_now_rad_s(self) -> float:
+        """The learned turn rate, faded where it has not been seen for long."""
+        seen_ns = max((ns for ns in (self.vision_ns, self.beacon_ns) if ns is not None), default=self.t_ns)
+        faded_s = (self.t_ns - seen_ns) / NS - TURN_KEPT_S
+        return self.turn_rad_s if faded_s <= 0.0 else self.turn_rad_s * math.exp(-faded_s / TURN_FADES_S)
 
     def fuse(self, m: PadMeasurement) -> MeasurementVerdict:
         if m.position_o_m is None or m.covariance_m2 is None:
@@ -206,14 +216,14 @@ class UnicycleTrack:
     def estimate(self, name: str) -> PadEstimate:
         px, py, pz, theta, v = (float(value) for value in self.x)
         c, s = math.cos(theta), math.sin(theta)
-        across = v * self.turn_rad_s
+        across = v * self.turn_now_rad_s
         return PadEstimate(
             t_ns=self.t_ns,
             position_ned_m=(px, py, pz),
             velocity_ned_m_s=(v * c, v * s, 0.0),
             acceleration_ned_m_s2=(-across * s, across * c, 0.0),
             yaw_rad=wrap_pi(theta),
-            yaw_rate_rad_s=self.turn_rad_s,
+            yaw_rate_rad_s=self.turn_now_rad_s,
             covariance=self._covariance(c, s, v),
             vision_age_s=None if self.vision_ns is None else (self.t_ns - self.vision_ns) / NS,
             beacon_age_s=None if self.beacon_ns is None else (self.t_ns - self.beacon_ns) / NS,

@@ -7,7 +7,8 @@ are asked for, and all must hold together for `touchdown_time_s` while a descent
   height     the feet are at the deck (range sensor where it sees the deck, else the estimate)
   sinking    the vehicle does not sink against the pad although it is told to
   thrust     the autopilot has let the collective thrust fall well below what hovering takes
-  carried    no horizontal motion against the pad
+  carried    no horizontal motion against the pad, as far as the pad's motion is known: out of view of the last half metre a
+             pad that turns is soon not where the estimate says, and the estimate says by how much it may be wrong
 """
 
 from __future__ import annotations
@@ -27,6 +28,9 @@ DISBELIEF_M = 0.5
 
 STILL_VERTICAL_M_S = 0.2
 CARRIED_M_S = 0.5
+CARRIED_SIGMAS, CARRIED_PART = 2.0, 0.5
+"""Faster than CARRIED_M_S counts as carried where the pad's velocity is that uncertain, but never at more than this part of
+the pad's own speed: a vehicle that stands on the ground while the pad drives on is not carried."""
 
 HELD_UP, SUSPECTED_AFTER_S = 0.4, 0.06
 """Sinks less than this part of what is commanded: something carries. Enough to press on, not to stop motors."""
@@ -50,7 +54,8 @@ NO_EVIDENCE = TouchdownEvidence(suspected=False, airborne=True, proven_for_s=0.0
 
 @dataclass(frozen=True, slots=True)
 class TouchdownSigns:
-    """One tick's raw signs. `height_m` is above the pad, `range_m` the range sensor's fresh reading or None."""
+    """One tick's raw signs. `height_m` is above the pad, `range_m` the range sensor's fresh reading or None. Pad: horizontal
+    speed over ground, and the standard deviation of its estimated velocity."""
 
     height_m: float | None
     range_m: float | None
@@ -58,6 +63,14 @@ class TouchdownSigns:
     relative_speed_m_s: float | None
     commanded_sink_m_s: float
     thrust_normalized: float | None
+    pad_speed_m_s: float = 0.0
+    pad_velocity_sigma_m_s: float = 0.0
+
+    @property
+    def carried_within_m_s(self) -> float:
+        """The relative speed below which the pad may be what carries the vehicle."""
+        unsure = min(CARRIED_SIGMAS * self.pad_velocity_sigma_m_s, CARRIED_PART * self.pad_speed_m_s)
+        return max(CARRIED_M_S, unsure)
 
 
 class TouchdownDetector:
@@ -80,7 +93,7 @@ class TouchdownDetector:
         at_deck = self._at_deck(signs)
         sinking = signs.sink_rate_m_s
         still = sinking is not None and abs(sinking) < STILL_VERTICAL_M_S
-        carried = signs.relative_speed_m_s is not None and signs.relative_speed_m_s < CARRIED_M_S
+        carried = signs.relative_speed_m_s is not None and signs.relative_speed_m_s < signs.carried_within_m_s
         light = self._is_light(signs.thrust_normalized)
         pressing = signs.commanded_sink_m_s > 0.0
         held_up = sinking is not None and sinking < HELD_UP * signs.commanded_sink_m_s
@@ -114,5 +127,5 @@ class TouchdownDetector:
             f"{height} <= {self._config.vehicle_leg_height_m + CONTACT_MARGIN_M:.2f} m",
             f"sink rate {s.sink_rate_m_s or 0.0:.2f} m/s while {s.commanded_sink_m_s:.2f} m/s is commanded",
             f"thrust {s.thrust_normalized or 0.0:.2f} < {LIGHT_THRUST:.2f} x hover {self._hover_thrust or 0.0:.2f}",
-            f"relative speed {s.relative_speed_m_s or 0.0:.2f} m/s < {CARRIED_M_S:.2f} m/s",
+            f"relative speed {s.relative_speed_m_s or 0.0:.2f} m/s < {s.carried_within_m_s:.2f} m/s",
         )

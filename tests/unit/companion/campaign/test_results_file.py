@@ -45,5 +45,12 @@ def test_a_second_writer_is_refused_and_a_reader_is_not(tmp_path: Path) -> None:
     first.close()
 
 
+def test_a_reader_who_names_the_campaign_gets_nothing_of_another(tmp_path: Path) -> None:
+    path = tmp_path / "samples.jsonl"
+    filled(path)
+    assert stored_rows(path, "abc") == {0: LANDED}
+    assert stored_rows(path, "other") == {}
+
+
 def test_nothing_flown_is_nothing_stored(tmp_path: Path) -> None:
     assert stored_rows(tmp_path / "samples.jsonl") == {}

@@ -55,6 +55,18 @@ def test_one_missing_sign_is_enough_to_keep_the_motors_running(sign: dict[str, f
     assert weighed(replace(ON_DECK, **sign)).proven_for_s == 0.0
 
 
+def test_what_carries_may_move_as_differently_as_the_estimate_may_be_wrong() -> None:
+    """Measured: a second out of view, a pad that turns at 4.2 m/s is 0.8 m/s from where the estimate says it goes."""
+    unsure = replace(ON_DECK, relative_speed_m_s=0.8, pad_speed_m_s=4.2, pad_velocity_sigma_m_s=0.6)
+    assert weighed(unsure).proven_for_s == pytest.approx(1.0)
+    assert weighed(replace(unsure, pad_velocity_sigma_m_s=0.2)).proven_for_s == 0.0
+
+
+def test_a_vehicle_that_stands_beside_a_pad_that_drives_on_is_not_carried() -> None:
+    beside = replace(ON_DECK, relative_speed_m_s=4.2, pad_speed_m_s=4.2, pad_velocity_sigma_m_s=5.0)
+    assert weighed(beside).proven_for_s == 0.0
+
+
 def test_a_range_sensor_stuck_at_zero_proves_nothing_in_the_air() -> None:
     assert not weighed(replace(ON_DECK, range_m=0.1, height_m=4.0)).suspected
 
