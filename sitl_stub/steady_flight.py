@@ -106,6 +106,10 @@ _constants_of = _constants_from_flat if COMPILED else _same
 _asked_of = _asked_from_flat if COMPILED else _same
 
 
+def _flown_by_kernel(asked: Asked) -> Any:
+    return room([*asked[0], *asked[1:]]) if COMPILED else asked
+
+
 def _for_kernel(value: Any) -> Any:
     """Constants as the kernel takes them."""
     return room(_flat(value)) if COMPILED else value
@@ -174,6 +178,7 @@ def fly_steadily(
     at: int,
     constants: Any,
     wanted: Any,
+    wanted_next: Any,
     wind: Vec3,
     steps: int,
     quiet_steps: int,
@@ -182,7 +187,7 @@ def fly_steadily(
 ) -> tuple[int, bool, int]:
     """Up to `steps` steps; gives how many were made, whether it waits for a decision, and the place on the tape.
 
-    Decisions of the first `quiet_steps` steps are known to change nothing. `is_estimated`: the first step's estimate and
+    Decisions of the first `quiet_steps` steps are known to change nothing but the setpoint, to `wanted_next`. `is_estimated`: the first step's estimate and
     decision are made. From step `kept_from` on, the state that messages are made of is kept in `rows`.
     """
     c, asked = _constants_of(constants), _asked_of(wanted)
@@ -201,6 +206,7 @@ def fly_steadily(
                     waits = True
                     break
                 k[52] = 0.0
+                asked = _asked_of(wanted_next)
         control(k, e, loops, asked)
         if i >= kept_from:
             _put_body(rows_b[i], state, acceleration)
@@ -230,6 +236,9 @@ class SteadyFlight:
         self._rows = (_rows(_BODY_SIZE), _rows(ESTIMATE_SIZE), _rows(CONTROL_SIZE))
         self._asked = Asked(UNSET_MOTION, 0.0, 0.0, False, False)
         self._wanted = _for_kernel(self._asked)
+        self._asked_next: Asked | None = None
+        """What the next decision will have flown, where it is certain: it need not be made."""
+        self._wanted_next = self._wanted
         self._is_in = False
         self._is_estimated = False
         self._is_shown = True
@@ -261,6 +270,7 @@ class SteadyFlight:
             tape,
             0,
             _for_kernel(self._constants(estimator.model)),
+            asked,
             asked,
             (0.0, 0.0, 0.0),
             0,
@@ -297,7 +307,7 @@ class SteadyFlight:
     def _ask(self, asked: Asked) -> None:
         if asked != self._asked:
             self._slow_is_known = self._slow_is_known and asked.motion[:3] == self._asked.motion[:3]
-            self._asked, self._wanted = asked, room([*asked[0], *asked[1:]]) if COMPILED else asked
+            self._asked, self._wanted = asked, _flown_by_kernel(asked)
 
     def leave(self, t_us: int) -> None:
         """Give the state back. While it waits the step must be gone on with `Autopilot.finish_step`."""
@@ -309,6 +319,7 @@ class SteadyFlight:
         self._autopilot.cascade.take_flat(_plain(self._k), self._asked)
         self._autopilot.since_decision_us = round(self._k[52])
         self._is_in = self._is_estimated = False
+        self._asked_next = None
 
     def show(self, t_us: int) -> None:
         """Let the estimate be that of the last step, for somebody who reads it."""
@@ -318,7 +329,7 @@ class SteadyFlight:
 
     def look_again(self, t_us: int) -> None:
         """Something was received: its setpoint is flown, and more than a setpoint is decided about or ends the steady flight."""
-        self._task_waits = False
+        waited, self._task_waits, self._asked_next = self._task_waits, False, None
         if not self._is_in:
             return
         autopilot = self._autopilot
@@ -327,6 +338,17 @@ class SteadyFlight:
             self._slow_is_known = False
         if autopilot.disturbances() != self._seen:
             self.leave(t_us)
+        elif waited and t_us < self._calm_until_us:
+            self._look_ahead(autopilot.asked_next())
+
+    def _look_ahead(self, asked: Asked | None) -> None:
+        """Have the next decision made in the kernel, where it can only be to fly this."""
+        now = self._asked
+        # A position is in the messages of the steps before, too, and a descent that begins is the land detector's.
+        if asked is not None and asked.descends == now.descends and asked.motion[:3] == now.motion[:3]:
+            self._asked_next = asked._replace(is_near_ground=now.is_near_ground)
+            self._wanted_next = _flown_by_kernel(self._asked_next)
+            self._task_waits = True
 
     # Flying ---------------------------------------------------------------------------------------------------------
 
@@ -343,6 +365,11 @@ class SteadyFlight:
         near = range_m is None or range_m < CLOSE_TO_GROUND_M
         if near != self._asked.is_near_ground:
             self._ask(self._asked._replace(is_near_ground=near))
+            if self._asked_next is not None:
+                self._asked_next = self._asked_next._replace(is_near_ground=near)
+                self._wanted_next = _flown_by_kernel(self._asked_next)
+        since_decision_us = float(self._k[52])
+        estimates_left_out = int(self._is_estimated)
         done, waits, tape.at = fly_steadily(
             self._b,
             autopilot.estimator.flat,
@@ -352,6 +379,7 @@ class SteadyFlight:
             tape.at,
             self._c,
             self._wanted,
+            self._wanted if self._asked_next is None else self._wanted_next,
             wind,
             steps,
             quiet_steps,
@@ -359,10 +387,19 @@ class SteadyFlight:
             kept_from,
         )
         self._is_estimated, self._is_shown = False, False
+        if since_decision_us + (done - estimates_left_out) * STEP_US >= _DECISION_PERIOD_US:
+            self._take_next()
         b = _plain(self._b)
         self._vehicle.state = BodyState(*b[:17])
         self._vehicle.acceleration_ned_m_s2 = (b[17], b[18], b[19])
         return done, waits
+
+    def _take_next(self) -> None:
+        """The kernel has made the next decision."""
+        if self._asked_next is not None:
+            self._autopilot.take_next()
+            self._ask(self._asked_next)
+            self._asked_next = None
 
     def next_message_step_us(self, t_us: int) -> int:
         """The first step from t_us on in which a message is due."""
@@ -447,6 +484,7 @@ class SteadyFlight:
         autopilot.cascade.hover_thrust_estimator.state = HoverState(*(float(value) for value in self._k[35:42]))
         dt_s = float(self._k[52]) * 1e-6
         self._k[52] = 0.0
+        self._asked_next = None
         if t_us < self._calm_until_us and not self._task_waits:
             autopilot.decide_task(t_us, dt_s)
             if not autopilot.stays_calm(self._reasons, t_us):

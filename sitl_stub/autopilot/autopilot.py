@@ -279,14 +279,27 @@ class Autopilot:
 
     def asked(self) -> Asked:
         """What the cascade flies until the next decision."""
-        setpoint = self._setpoint
-        assert isinstance(setpoint, TrajectorySetpoint)
+        assert isinstance(self._setpoint, TrajectorySetpoint)
+        return self._asked_by(self._setpoint)
+
+    def asked_next(self) -> Asked | None:
+        """What the next decision in OFFBOARD will have flown, if it can only be the newest setpoint; None where it must be made."""
+        setpoint = self.offboard.setpoint
+        if setpoint is None or self._offboard_attitude is not None or self.commander.nav_state is not NavState.OFFBOARD:
+            return None
+        return self._asked_by(setpoint) if self.cascade.is_steady(setpoint, self._constraints) else None
+
+    def take_next(self) -> None:
+        """The decision that `asked_next` told of has been made."""
+        self._setpoint = self._fly_offboard()
+
+    def _asked_by(self, setpoint: TrajectorySetpoint) -> Asked:
         yaw_rate, height_m = setpoint.yaw_rate_rad_s, self.estimator.estimate.height_above_bottom_m
         return Asked(
             self.cascade.motion_asked(setpoint),
             setpoint.yaw_rad if isfinite(setpoint.yaw_rad) else nan,
             yaw_rate if isfinite(yaw_rate) else 0.0,
-            self.land_detector.descends(self._descent_m_s),
+            self.land_detector.descends(setpoint.velocity_ned_m_s[2]),
             height_m is None or height_m < CLOSE_TO_GROUND_M,
         )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import os
 import subprocess
 import sys
@@ -80,6 +81,34 @@ def test_steady_flight_gives_the_bytes_of_single_steps(name: str, monkeypatch: p
     together = digest(scenario, descent_m_s, seconds, overrides)
     monkeypatch.setattr(SteadyFlight, "enter", lambda self: False)
     assert digest(scenario, descent_m_s, seconds, overrides) == together
+
+
+def winding_digest(seconds: float, chunk_s: float = 0.02) -> str:
+    """Datagrams of a flight whose setpoint changes 25 times a second: descents that begin and end, positions now and then."""
+    world = World(msgspec.structs.replace(scenarios.load("line"), cameras={}), 3)
+    result = hashlib.sha256()
+    for turn in range(round(seconds / 0.02)):
+        t_s = turn * 0.02
+        given = []
+        if turn % 2 == 0:
+            velocity = (math.sin(1.3 * t_s), math.cos(t_s), 0.9 * math.sin(2.0 * t_s))
+            mask = 0b100111000111 if int(t_s) % 3 else 0b100111111000
+            rest = (0.0, 0.0, 0.0, 0.3 * math.sin(t_s), 0.0, mask, 1, 1, 1)
+            given.append(datagram(SET_POSITION_TARGET_LOCAL_NED, 0, 2.0, 1.0 + t_s, -9.0, *velocity, *rest))
+        if turn in (4, 60, 61):
+            given.append(command(176, 1.0, 6.0) if turn == 4 else command(512, 83.0))
+        for _ in range(round(0.02 / chunk_s)):
+            for sent in world.step(chunk_s, given).datagrams:
+                result.update(sent.link.encode() + sent.data)
+            given = []
+    return result.hexdigest()
+
+
+def test_a_setpoint_that_changes_all_the_time_gives_the_bytes_of_single_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    together = winding_digest(5.0)
+    assert winding_digest(5.0, chunk_s=0.004) == together
+    monkeypatch.setattr(SteadyFlight, "enter", lambda self: False)
+    assert winding_digest(5.0) == together
 
 
 def test_steady_flight_gives_the_same_bytes_for_every_length_of_step() -> None:
