@@ -19,6 +19,10 @@ from companion.planning.request import NoPlan, Plan, Planner, PlanRequest, admit
 RESTART_ERROR_M = 1.0
 """Further from its reference than this, the vehicle is not following: plan from where it is."""
 
+BELOW_M = 0.4
+"""Likewise where the reference has sunk so far ahead of the vehicle: over a deck that heaves it may ask for more than the
+autopilot's speed down, and would brake at its end while the vehicle still comes at that speed."""
+
 SETTLED_S = 1.0
 """A plan with less than this to go is flown to its end: replanning would push the end away for ever."""
 
@@ -140,7 +144,7 @@ class ReferenceFollower:
     def _hold(self, request: FollowRequest) -> State:
         """Without a plan: stay where the reference was, or where the vehicle is."""
         position = request.position_m if self._last is None else self._last[1][0]
-        if norm(subtract(position, request.position_m)) > RESTART_ERROR_M:
+        if _is_apart(position, request):
             position = request.position_m
         return (position, ZERO, ZERO)
 
@@ -189,7 +193,7 @@ class ReferenceFollower:
         """The running reference where the vehicle is near it, else the vehicle."""
         if self._plan is not None and not _has_parted(self._plan, request):
             return self._plan.trajectory.sample_at(request.t_ns)
-        if self._last is not None and norm(subtract(self._last[1][0], request.position_m)) <= RESTART_ERROR_M:
+        if self._last is not None and not _is_apart(self._last[1][0], request):
             return self._last[1]
         return (request.position_m, request.velocity_m_s, ZERO)
 
@@ -201,8 +205,12 @@ def _pad_changed(made_for: FollowRequest, request: FollowRequest) -> bool:
 
 
 def _has_parted(plan: Plan, request: FollowRequest) -> bool:
-    position = plan.trajectory.sample_at(request.t_ns)[0]
-    return norm(subtract(position, request.position_m)) > RESTART_ERROR_M
+    return _is_apart(plan.trajectory.sample_at(request.t_ns)[0], request)
+
+
+def _is_apart(reference_m: Vec3, request: FollowRequest) -> bool:
+    away = subtract(reference_m, request.position_m)
+    return norm(away) > RESTART_ERROR_M or away[2] > BELOW_M
 
 
 def _differs(a: Vec3, b: Vec3) -> bool:

@@ -79,6 +79,28 @@ def test_a_vehicle_that_has_left_its_reference_is_planned_for_from_where_it_is()
     assert planner.asked[-1].velocity_m_s == (1.0, 0.0, 0.0)
 
 
+def test_a_reference_that_has_sunk_ahead_of_the_vehicle_is_planned_anew_from_the_vehicle() -> None:
+    planner = CountingPlanner()
+    follower = ReferenceFollower(planner, Planning())
+    follower.follow(at(0))
+    held_up = {"position_m": (-10.0, 2.0, -8.3), "velocity_m_s": (0.0, 0.0, 1.5)}
+    follower.follow(at(1, **held_up))
+    assert len(planner.asked) == 1  # no more than control errors are
+    held_up["position_m"] = (-10.0, 2.0, -8.5)
+    followed = follower.follow(at(2, **held_up))
+    assert planner.asked[-1].position_m == (-10.0, 2.0, -8.5)
+    assert planner.asked[-1].velocity_m_s == (0.0, 0.0, 1.5)
+    assert followed.now[0] == pytest.approx((-10.0, 2.0, -8.5))
+
+
+def test_a_reference_above_the_vehicle_is_kept() -> None:
+    planner = CountingPlanner()
+    follower = ReferenceFollower(planner, Planning())
+    follower.follow(at(0))
+    follower.follow(at(1, position_m=(-10.0, 2.0, -7.3)))
+    assert len(planner.asked) == 1
+
+
 def test_level_keeps_the_height_at_which_it_was_first_asked_for() -> None:
     planner = CountingPlanner()
     follower = ReferenceFollower(planner, Planning())
