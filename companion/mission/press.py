@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from companion.config import Mission
 
-RIGHTING_S = 0.2
-"""So long nothing is added: the vehicle has begun to come level."""
+RIGHTING_S = 0.15
+"""So long the press stays what it is at the touch: the vehicle begins to come level."""
 
-GENTLE = 0.8
-"""Of the final descent: PX4 then holds 0.85 of the hover thrust, and the feet stay on the deck."""
+RIGHTING_ACCELERATION = 0.75
+"""Of the whole press's acceleration, from the touch on. With the sink of the descent PX4 then keeps somewhat over half of
+the hover thrust: enough torque to set the vehicle level, and weight enough on the feet that the deck does not slide away."""
 
 GROWTH_S = 0.3
 """Then the press grows to the whole over this time."""
@@ -22,5 +23,6 @@ GROWTH_S = 0.3
 def press(age_s: float, mission: Mission) -> tuple[float, float]:
     """Sink against the pad, m/s, and acceleration down, m/s2, so long after the touchdown was first suspected."""
     share = min(1.0, max(0.0, age_s - RIGHTING_S) / GROWTH_S)
-    gentle = min(GENTLE * mission.final_descent_speed_m_s, mission.press_speed_m_s)
-    return gentle + share * (mission.press_speed_m_s - gentle), share * mission.press_acceleration_m_s2
+    gentle = min(mission.final_descent_speed_m_s, mission.press_speed_m_s)
+    acceleration = RIGHTING_ACCELERATION + share * (1.0 - RIGHTING_ACCELERATION)
+    return gentle + share * (mission.press_speed_m_s - gentle), acceleration * mission.press_acceleration_m_s2

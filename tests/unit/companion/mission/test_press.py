@@ -10,13 +10,13 @@ from companion.mission.press import GROWTH_S, RIGHTING_S, press
 MISSION = Mission(final_descent_speed_m_s=0.5, press_speed_m_s=1.4, press_acceleration_m_s2=2.0)
 
 
-def test_at_first_the_vehicle_presses_no_harder_than_it_came_down() -> None:
-    assert press(0.0, MISSION) == pytest.approx((0.4, 0.0))
-    assert press(RIGHTING_S, MISSION) == pytest.approx((0.4, 0.0))
+def test_at_first_the_vehicle_sinks_no_faster_than_it_came_down() -> None:
+    assert press(0.0, MISSION) == pytest.approx((0.5, 1.5))
+    assert press(RIGHTING_S, MISSION) == pytest.approx((0.5, 1.5))
 
 
 def test_the_press_then_grows_to_the_whole_and_stays() -> None:
-    assert press(RIGHTING_S + 0.5 * GROWTH_S, MISSION) == pytest.approx((0.9, 1.0))
+    assert press(RIGHTING_S + 0.5 * GROWTH_S, MISSION) == pytest.approx((0.95, 1.75))
     assert press(RIGHTING_S + GROWTH_S, MISSION) == pytest.approx((1.4, 2.0))
     assert press(9.0, MISSION) == pytest.approx((1.4, 2.0))
 
