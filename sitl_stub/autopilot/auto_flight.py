@@ -43,7 +43,6 @@ class AutoFlight:
             cruise_m_s=get("MPC_XY_CRUISE"),
             acceleration_xy_m_s2=get("MPC_ACC_HOR"),
             jerk_m_s3=get("MPC_JERK_AUTO"),
-            gain_xy=get("MPC_XY_TRAJ_P"),
             error_max_m=get("MPC_XY_ERR_MAX"),
         )
         self._up = VerticalLimits(get("MPC_Z_V_AUTO_UP"), get("MPC_ACC_UP_MAX"))

@@ -1,13 +1,15 @@
 """AUTO.PRECLAND: PX4's own precision landing on a LANDING_TARGET in local NED.
 
 Approach at the present height until the target was inside PLD_HACC_RAD on both axes at two samples 2 s apart, then sink over it; the raw
-measurement is the position setpoint, without velocity or filter, hence the lag on a moving pad. Below PLD_FAPPR_ALT the last point is
-kept. No measurement for PLD_BTOUT: climb to PLD_SRCH_ALT and wait PLD_SRCH_TOUT, up to PLD_MAX_SRCH times, then land where it is.
+measurement is the position setpoint, without velocity or filter, hence the lag on a moving pad. In the approach it is also drawn through
+limits of speed (MPC_XY_CRUISE), acceleration (MPC_ACC_HOR) and braking, 20 times a second: another lag, which grows with the pad's speed. Below
+PLD_FAPPR_ALT the last point is kept. No measurement for PLD_BTOUT: climb to PLD_SRCH_ALT and wait PLD_SRCH_TOUT, up to PLD_MAX_SRCH times, then land where it is.
 """
 
 from __future__ import annotations
 
 from enum import Enum, auto
+from math import hypot, sqrt
 
 from sitl_stub.autopilot.navigation import NavigationTarget, Situation, TargetKind
 
@@ -23,6 +25,8 @@ class _State(Enum):
 _INSIDE_US = 2_000_000
 _ACQUIRED_US = 1_000_000
 _STOP_CLIMB_MARGIN_M = 1.0
+_SLEW_PERIOD_S = 0.05
+"""PX4's navigator runs at 20 Hz."""
 
 
 class LandingTarget:
@@ -42,6 +46,31 @@ class LandingTarget:
         return self._t_us is not None and t_us - self._t_us <= timeout_s * 1e6
 
 
+class SlewedPoint:
+    """The approach's setpoint: follows the measurement within limits, so that it could stop there."""
+
+    def __init__(self, x_m: float, y_m: float, vx_m_s: float, vy_m_s: float) -> None:
+        self.x_m, self.y_m = x_m, y_m
+        self._step_x_m, self._step_y_m = vx_m_s * _SLEW_PERIOD_S, vy_m_s * _SLEW_PERIOD_S
+
+    def advance(self, x_m: float, y_m: float, dt_s: float, speed_max_m_s: float, acceleration_max_m_s2: float) -> None:
+        """Go on towards the measurement for dt."""
+        braking_m_s = sqrt(acceleration_max_m_s2 * hypot(x_m - self.x_m, y_m - self.y_m))
+        step = _shortened((x_m - self.x_m, y_m - self.y_m), speed_max_m_s * dt_s)
+        change = (step[0] - self._step_x_m, step[1] - self._step_y_m)
+        change = _shortened(change, acceleration_max_m_s2 * dt_s * dt_s)
+        step = _shortened((self._step_x_m + change[0], self._step_y_m + change[1]), braking_m_s * dt_s)
+        self._step_x_m, self._step_y_m = step
+        self.x_m, self.y_m = self.x_m + step[0], self.y_m + step[1]
+
+
+def _shortened(vector: tuple[float, float], longest: float) -> tuple[float, float]:
+    length = hypot(*vector)
+    if length <= longest:
+        return vector
+    return vector[0] * longest / length, vector[1] * longest / length
+
+
 class Precland:
     """State of the precision landing."""
 
@@ -53,6 +82,8 @@ class Precland:
         self._since_us = 0
         self._searches = 0
         self._hold: NavigationTarget | None = None
+        self._slewed = SlewedPoint(0.0, 0.0, 0.0, 0.0)
+        self._slewed_us = 0
         self._inside_us: int | None = None
         self._acquired_us: int | None = None
 
@@ -88,7 +119,9 @@ class Precland:
     def _first_target(self, state: _State, situation: Situation) -> NavigationTarget:
         x, y, z = situation.position_ned_m
         if state is _State.APPROACH:
-            return NavigationTarget(TargetKind.POSITION, self._target.x_m, self._target.y_m, z)
+            vx, vy, _ = situation.velocity_ned_m_s
+            self._slewed, self._slewed_us = SlewedPoint(x, y, vx, vy), situation.t_us
+            return NavigationTarget(TargetKind.POSITION, x, y, z)
         if state is _State.SEARCH:
             search_z = situation.home_ned_m[2] - situation.parameters.get("PLD_SRCH_ALT")
             stop = situation.stop_point()
@@ -101,13 +134,22 @@ class Precland:
         if not self._sees(situation):
             self._begin(_State.SEARCH, situation)
             return
-        assert self._hold is not None
-        self._hold = NavigationTarget(TargetKind.POSITION, self._target.x_m, self._target.y_m, self._hold.z_m)
+        self._slew(situation)
         if self._is_inside(situation):
             if self._inside_us is None:
                 self._inside_us = situation.t_us
             if situation.t_us - self._inside_us >= _INSIDE_US:
                 self._begin(_State.DESCEND, situation)
+
+    def _slew(self, situation: Situation) -> None:
+        since_s = (situation.t_us - self._slewed_us) * 1e-6
+        if since_s < _SLEW_PERIOD_S:
+            return
+        get = situation.parameters.get
+        self._slewed_us = situation.t_us
+        self._slewed.advance(self._target.x_m, self._target.y_m, since_s, get("MPC_XY_CRUISE"), get("MPC_ACC_HOR"))
+        assert self._hold is not None
+        self._hold = NavigationTarget(TargetKind.POSITION, self._slewed.x_m, self._slewed.y_m, self._hold.z_m)
 
     def _is_inside(self, situation: Situation) -> bool:
         radius = situation.parameters.get("PLD_HACC_RAD")

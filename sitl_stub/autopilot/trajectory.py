@@ -1,7 +1,7 @@
 """Jerk-limited motion as PX4's automatic modes fly it: one axis of velocity smoothing, and a point that is drawn to a target.
 
-The point's horizontal speed is the least of the cruise speed, MPC_XY_TRAJ_P times the distance, and what still allows braking; hence
-the lag of 1 / MPC_XY_TRAJ_P (2 s) behind a moving target. The more the vehicle falls behind the
+The point's horizontal speed is the least of the cruise speed and what still allows braking, which near the target is MPC_JERK_AUTO /
+(2 MPC_ACC_HOR) times the distance; hence the lag of 1.5 s and more behind a moving target. The more the vehicle falls behind the
 point, the slower the point's time runs; at MPC_XY_ERR_MAX it waits. NED, metres, seconds; used by the automatic flight task.
 """
 
@@ -25,7 +25,12 @@ class SmoothedAxis:
     def advance(
         self, velocity_target_m_s: float, acceleration_max_m_s2: float, jerk_max_m_s3: float, dt_s: float
     ) -> None:
-        """Move for dt towards the target velocity, arriving with zero acceleration."""
+        """Move for dt towards the target velocity, arriving with zero acceleration; a target that moves slowly is followed exactly."""
+        change, step = velocity_target_m_s - self.velocity_m_s, jerk_max_m_s3 * dt_s
+        if abs(change) <= step * dt_s and abs(change / dt_s - self.acceleration_m_s2) <= step:
+            self.position_m += 0.5 * (self.velocity_m_s + velocity_target_m_s) * dt_s
+            self.acceleration_m_s2, self.velocity_m_s = change / dt_s, velocity_target_m_s
+            return
         jerk = self._jerk(velocity_target_m_s, acceleration_max_m_s2, jerk_max_m_s3, dt_s)
         acceleration = self.acceleration_m_s2 + jerk * dt_s
         velocity = self.velocity_m_s + 0.5 * (self.acceleration_m_s2 + acceleration) * dt_s
@@ -87,7 +92,6 @@ class SmoothingLimits:
     cruise_m_s: float
     acceleration_xy_m_s2: float
     jerk_m_s3: float
-    gain_xy: float
     error_max_m: float
 
 
@@ -165,11 +169,8 @@ class SmoothedPoint:
         distance = hypot(dx, dy)
         if distance <= 1e-6:
             return 0.0, 0.0
-        speed = min(
-            limits.cruise_m_s,
-            limits.gain_xy * distance,
-            braking_speed_m_s(distance, limits.gain_xy * limits.acceleration_xy_m_s2, limits.jerk_m_s3),
-        )
+        braking = braking_speed_m_s(distance, limits.acceleration_xy_m_s2, limits.jerk_m_s3)
+        speed = min(limits.cruise_m_s, braking)
         return speed * dx / distance, speed * dy / distance
 
     def _vertical_speed_m_s(self, target_z_m: float, limits: SmoothingLimits, vertical: VerticalLimits) -> float:

@@ -14,7 +14,7 @@ from sitl_stub.autopilot.trajectory import (
     braking_speed_m_s,
 )
 
-LIMITS = SmoothingLimits(cruise_m_s=5.0, acceleration_xy_m_s2=3.0, jerk_m_s3=4.0, gain_xy=0.5, error_max_m=2.0)
+LIMITS = SmoothingLimits(cruise_m_s=5.0, acceleration_xy_m_s2=3.0, jerk_m_s3=4.0, error_max_m=2.0)
 VERTICAL = VerticalLimits(1.5, 3.0)
 speeds = st.floats(-5.0, 5.0)
 
