@@ -16,7 +16,7 @@ from sitl_stub.datagram_faults import Datagram
 from sitl_stub.scenario import load, with_overrides
 from sitl_stub.world import StepOutput, Truth, World
 
-pytestmark = pytest.mark.timeout(120)
+pytestmark = pytest.mark.timeout(300)
 SET_MODE = 176
 HARMLESS = {511, 512}
 """SET_MESSAGE_INTERVAL, REQUEST_MESSAGE."""

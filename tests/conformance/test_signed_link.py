@@ -18,7 +18,7 @@ from companion.mavlink.signing import EPOCH_UNIX_NS
 from companion.messages import CommandKind, CommandResult, Health, Message, VehicleCommand
 from companion.onboard import JournalEntry
 
-pytestmark = [pytest.mark.sockets, pytest.mark.timeout(60)]
+pytestmark = [pytest.mark.sockets, pytest.mark.timeout(240)]
 KEY = bytes(range(1, 33))
 NO_CAMERA = "http://127.0.0.1:9/down"
 
