@@ -10,7 +10,7 @@ import math
 from typing import Protocol
 
 from companion.config import Config
-from companion.estimation import VehiclePose
+from companion.estimation import DeckMotion, PadMotion, VehiclePose
 from companion.geometry import horizontal_norm, rotate, subtract
 from companion.messages import (
     CommandKind,
@@ -23,7 +23,7 @@ from companion.messages import (
     Vec3,
     VehicleStatus,
 )
-from companion.mission.contact import Contact, Deck, contact, time_to_contact_s
+from companion.mission.contact import Contact, contact, time_to_contact_s
 from companion.mission.facts import Facts
 from companion.mission.preflight import MAX_STATE_AGE_S
 from companion.mission.touchdown import NO_EVIDENCE, TouchdownDetector, TouchdownEvidence, TouchdownSigns
@@ -50,7 +50,9 @@ MAX_CONTACT_S = 3.0
 class Prediction(Protocol):
     """The pad at a time ahead."""
 
-    def motion(self, t_ns: int) -> Deck | None: ...
+    def motion(self, t_ns: int) -> PadMotion | None: ...
+
+    def deck(self, t_ns: int) -> DeckMotion | None: ...
 
 
 CONTACT_FORESEEN_BELOW_M = 2.0
@@ -108,7 +110,7 @@ class Situation:
         status, start = self.status, self.flight_start_ned_m
         home = start if status is None or status.home_position_ned_m is None else status.home_position_ned_m
         away = (0.0, 0.0, 0.0) if start is None or pose is None else subtract(pose.position_ned_m, start)
-        then = None if pad is None else self._deck_at_contact(t_ns, position, pad)
+        in_s = None if position is None else self._foreseen_contact_s(position)
         return Facts(
             t_ns=t_ns,
             status=status,
@@ -129,10 +131,10 @@ class Situation:
             tick_gap_s=dt_s,
             distance_from_home_m=None if home is None or pose is None else _away(pose.position_ned_m, home),
             no_fly_zone=None if pose is None else _no_fly(zones, pose),
-            no_land_zone=None if then is None else inside(zones.no_land, then.position_ned_m[:2]),
+            no_land_zone=None if pad is None else self._no_land(t_ns, zones, pad, in_s),
             unplaced_zones=zones.unplaced,
             half_deck_m=0.5 * min(self._config.pad.length_m, self._config.pad.width_m),
-            contact=self._contact(position, velocity, then),
+            contact=self._contact(t_ns, position, velocity, pad, in_s),
             sight_age_s=self._sight_age_s(t_ns, pad),
         )
 
@@ -159,17 +161,28 @@ class Situation:
         fenced = start is None or math.dist(point_m, start[:2]) < self._config.safety.geofence_radius_m
         return fenced and inside(self.zones().no_fly, point_m) is None
 
-    def _deck_at_contact(self, t_ns: int, position: Vec3 | None, pad: PadEstimate) -> Deck:
-        if position is None or -position[2] > CONTACT_FORESEEN_BELOW_M:
-            return pad
-        in_s = min(time_to_contact_s(-position[2], self._config.mission), MAX_CONTACT_S)
-        return self._prediction.motion(t_ns + round(in_s * 1e9)) or pad
+    def _foreseen_contact_s(self, position: Vec3) -> float | None:
+        """Until the feet meet the deck; None higher up."""
+        return None if -position[2] > CONTACT_FORESEEN_BELOW_M else self._contact_s(position)
 
-    def _contact(self, position: Vec3 | None, velocity: Vec3 | None, then: Deck | None) -> Contact | None:
-        if position is None or velocity is None or then is None:
+    def _contact_s(self, position: Vec3) -> float:
+        return min(time_to_contact_s(-position[2], self._config.mission), MAX_CONTACT_S)
+
+    def _no_land(self, t_ns: int, zones: Zones, pad: PadEstimate, in_s: float | None) -> str | None:
+        """Of the zone in which the pad will be at contact."""
+        if not zones.no_land:
             return None
-        in_s = min(time_to_contact_s(-position[2], self._config.mission), MAX_CONTACT_S)
-        return contact(in_s, position, velocity, then)
+        then = None if in_s is None else self._prediction.motion(t_ns + round(in_s * 1e9))
+        return inside(zones.no_land, (pad if then is None else then).position_ned_m[:2])
+
+    def _contact(
+        self, t_ns: int, position: Vec3 | None, velocity: Vec3 | None, pad: PadEstimate | None, in_s: float | None
+    ) -> Contact | None:
+        if position is None or velocity is None or pad is None:
+            return None
+        then = None if in_s is None else self._prediction.deck(t_ns + round(in_s * 1e9))
+        deck = then or DeckMotion(pad.velocity_ned_m_s[2], pad.roll_rad, pad.pitch_rad)
+        return contact(self._contact_s(position), position, velocity, deck)
 
     def _weigh_touchdown(
         self,

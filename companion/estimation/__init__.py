@@ -22,6 +22,7 @@ from companion.estimation.kalman import warm_up
 from companion.estimation.measurement import PadMeasurement
 from companion.estimation.motion import BeaconBias, MotionModel
 from companion.estimation.oscillator import Oscillator
+from companion.estimation.outlook import DeckMotion, PadMotion
 from companion.estimation.protocol import PadEstimator
 from companion.estimation.sea import Sea
 from companion.estimation.static import Static
@@ -32,8 +33,10 @@ from companion.estimation.weaving_turn import WeavingTurn
 
 __all__ = [
     "ESTIMATORS",
+    "DeckMotion",
     "PadEstimator",
     "PadMeasurement",
+    "PadMotion",
     "PadTracker",
     "VehicleHistory",
     "VehiclePose",

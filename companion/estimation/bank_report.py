@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from companion.estimation import bank
 from companion.estimation.bank import Member
@@ -76,13 +76,14 @@ def _yaw(track: TrackView, vx: float, vy: float, turn: float) -> tuple[float, fl
 
 def _covariance(P: list[float], deck: VerticalView, systematic_m2: float) -> tuple[tuple[float, ...], ...]:
     """6 x 6 over (position, velocity). Averaging does not remove the systematic part, so it is added at the end."""
-    order = (X, Y, None, VX, VY, None)
-    rows = [[0.0 if a is None or b is None else P[a * SHARED + b] for b in order] for a in order]
-    rows[0][0] += systematic_m2
-    rows[1][1] += systematic_m2
-    rows[2][2], rows[5][5] = deck.variance_m2, deck.rate_variance
-    rows[2][5] = rows[5][2] = deck.covariance
-    return tuple(tuple(row) for row in rows)
+    north, east, vn, ve = (
+        [P[at + X], P[at + Y], 0.0, P[at + VX], P[at + VY], 0.0] for at in (SHARED * i for i in (X, Y, VX, VY))
+    )
+    north[0] += systematic_m2
+    east[1] += systematic_m2
+    down = (0.0, 0.0, deck.variance_m2, 0.0, 0.0, deck.covariance)
+    rate = (0.0, 0.0, deck.covariance, 0.0, 0.0, deck.rate_variance)
+    return tuple(north), tuple(east), down, tuple(vn), tuple(ve), rate
 
 
 def _age_s(t_ns: int, then_ns: int | None) -> float | None:
@@ -91,8 +92,19 @@ def _age_s(t_ns: int, then_ns: int | None) -> float | None:
 
 def moved(estimate: PadEstimate, offset_m: Vec3, velocity_m_s: Vec3) -> PadEstimate:
     """The same estimate with positions moved by `offset_m` (O to W) and seen from a frame in which O moves with `velocity_m_s`."""
-    return replace(
-        estimate,
-        position_ned_m=add(estimate.position_ned_m, offset_m),
-        velocity_ned_m_s=add(estimate.velocity_ned_m_s, velocity_m_s),
+    e = estimate  # written out: dataclasses.replace takes twice as long, and every tick and frame asks
+    return PadEstimate(
+        t_ns=e.t_ns,
+        position_ned_m=add(e.position_ned_m, offset_m),
+        velocity_ned_m_s=add(e.velocity_ned_m_s, velocity_m_s),
+        acceleration_ned_m_s2=e.acceleration_ned_m_s2,
+        yaw_rad=e.yaw_rad,
+        yaw_rate_rad_s=e.yaw_rate_rad_s,
+        covariance=e.covariance,
+        vision_age_s=e.vision_age_s,
+        beacon_age_s=e.beacon_age_s,
+        model=e.model,
+        model_probabilities=e.model_probabilities,
+        roll_rad=e.roll_rad,
+        pitch_rad=e.pitch_rad,
     )

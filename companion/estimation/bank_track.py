@@ -114,9 +114,9 @@ class BankTrack:
         )
         return estimate_of(view, name)
 
-    def outlook(self) -> BankOutlook:
-        s, level = self.settings, (self.roll_rad, self.pitch_rad)
-        return BankOutlook(self.t_ns, self.members, s.vertical, self.height, s.tilt, self.tilt, level).copied()
+    def outlook(self, *, deck_only: bool) -> BankOutlook:
+        s, level, members = self.settings, (self.roll_rad, self.pitch_rad), [] if deck_only else self.members
+        return BankOutlook(self.t_ns, members, s.vertical, self.height, s.tilt, self.tilt, level).copied()
 
     def tilt_angles(self) -> tuple[float, float]:
         """Roll and pitch of the pad, rad."""

@@ -170,7 +170,7 @@ class BearingTrack:
     def look_ahead(self, t_ns: int) -> None:
         self.advance(t_ns)
 
-    def outlook(self) -> WholeOutlook:
+    def outlook(self, *, deck_only: bool) -> WholeOutlook:
         return WholeOutlook(self.copied())
 
     def advance(self, t_ns: int) -> None:

@@ -9,11 +9,12 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Protocol, TypeVar
 
 from companion.estimation.gate import NS
 from companion.estimation.measurement import PadMeasurement
-from companion.estimation.outlook import Foreseen, Outlook, PadMotion
+from companion.estimation.outlook import DeckMotion, Foreseen, Outlook, PadMotion
 from companion.messages import MeasurementVerdict, PadEstimate
 
 COAST_STEP_NS = 100_000_000
@@ -27,8 +28,8 @@ class Track(Foreseen, Protocol):
     def advance(self, t_ns: int) -> None:
         """Predict to `t_ns` in order to fuse a measurement there."""
 
-    def outlook(self) -> Outlook:
-        """A copy for looking ahead at the motion alone."""
+    def outlook(self, *, deck_only: bool) -> Outlook:
+        """A copy for looking ahead at the motion alone, or at the deck's alone."""
 
     def fuse(self, m: PadMeasurement) -> MeasurementVerdict:
         """Fuse a measurement of the track's own time."""
@@ -67,7 +68,7 @@ class PadFilter:
         self._lost_ns = int(lost_after_s * NS)
         self._history: list[Fused] = []
         self._coasting: Track | None = None
-        self._coasting_outlook: Outlook | None = None
+        self._coasting_outlooks: dict[bool, Outlook] = {}
         self._answers: dict[int, PadEstimate] = {}
 
     def reset(self) -> None:
@@ -76,7 +77,8 @@ class PadFilter:
 
     def _forget_answers(self) -> None:
         """What was predicted holds until the next measurement."""
-        self._coasting = self._coasting_outlook = None
+        self._coasting = None
+        self._coasting_outlooks.clear()
         self._answers.clear()
 
     def observe(self, measurement: PadMeasurement) -> MeasurementVerdict:
@@ -107,17 +109,27 @@ class PadFilter:
 
     def motion(self, t_ns: int) -> PadMotion | None:
         """The means of `estimate(t_ns)`, for a fraction of its cost."""
+        outlook = self._outlook(t_ns, deck_only=False)
+        return None if outlook is None else outlook.motion()
+
+    def deck(self, t_ns: int) -> DeckMotion | None:
+        """Vertical speed and tilt of `estimate(t_ns)`, for less still."""
+        outlook = self._outlook(t_ns, deck_only=True)
+        return None if outlook is None else outlook.deck()
+
+    def _outlook(self, t_ns: int, *, deck_only: bool) -> Outlook | None:
         track = self._kept_before(t_ns)
         if track is None or t_ns - self._history[-1].t_ns > self._lost_ns:
             return None
-        until_ns = self._coasts_until(t_ns)
+        anew, until_ns = partial(track.outlook, deck_only=deck_only), self._coasts_until(t_ns)
         if until_ns is None:
-            outlook = track.outlook()
+            outlook = anew()
         else:
-            kept = self._coasting_outlook = _coasted(self._coasting_outlook or track.outlook(), until_ns, track.outlook)
+            kept = _coasted(self._coasting_outlooks.get(deck_only) or anew(), until_ns, anew)
+            self._coasting_outlooks[deck_only] = kept
             outlook = kept.copied()
         outlook.look_ahead(t_ns)
-        return outlook.motion()
+        return outlook
 
     def _begin(self, m: PadMeasurement) -> MeasurementVerdict:
         track = self._start(m)

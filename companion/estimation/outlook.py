@@ -7,7 +7,7 @@ same bits as the estimate of that time would hold. Frame O, NED, SI. Called by f
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol, Self
+from typing import NamedTuple, Protocol, Self
 
 from companion.estimation import bank
 from companion.estimation.bank import Member
@@ -34,6 +34,18 @@ class PadMotion:
         return PadMotion(position, velocity, self.acceleration_ned_m_s2, self.roll_rad, self.pitch_rad)
 
 
+class DeckMotion(NamedTuple):
+    """What the deck does whatever way the pad goes: vertical speed (m/s, down positive), roll and pitch (rad)."""
+
+    down_m_s: float
+    roll_rad: float
+    pitch_rad: float
+
+    def moved(self, velocity_m_s: Vec3) -> DeckMotion:
+        """The same seen from a frame in which O moves with `velocity_m_s`."""
+        return DeckMotion(self.down_m_s + velocity_m_s[2], self.roll_rad, self.pitch_rad)
+
+
 class Outlook(Protocol):
     """The pad's mean at `t_ns`; it never changes the track it was made from."""
 
@@ -46,11 +58,13 @@ class Outlook(Protocol):
 
     def motion(self) -> PadMotion: ...
 
+    def deck(self) -> DeckMotion: ...
+
 
 @dataclass(slots=True)
 class BankOutlook:
     """Of a bank of models. Means are its own, covariances the track's, left as they are; `level` holds roll and pitch (rad)
-    where nothing says how they swing."""
+    where nothing says how they swing. Without `members` it knows the deck only."""
 
     t_ns: int
     members: list[Member]
@@ -81,15 +95,18 @@ class BankOutlook:
     def motion(self) -> PadMotion:
         north, east, vn, ve = bank.mean_position_and_velocity(self.members)
         acceleration = bank.mean_motion(self.members).acceleration_m_s2
-        deck = self.vertical.view(self.height)
-        roll, pitch = self.level if self.tilt is None else (x[MEAN] + x[SWING] for x, _ in self.tilt)
+        height, (down_m_s, roll, pitch) = self.vertical.view(self.height), self.deck()
         return PadMotion(
-            position_ned_m=(north, east, deck.z_m),
-            velocity_ned_m_s=(vn, ve, deck.rate_m_s),
-            acceleration_ned_m_s2=(*acceleration, deck.acceleration_m_s2),
+            position_ned_m=(north, east, height.z_m),
+            velocity_ned_m_s=(vn, ve, down_m_s),
+            acceleration_ned_m_s2=(*acceleration, height.acceleration_m_s2),
             roll_rad=roll,
             pitch_rad=pitch,
         )
+
+    def deck(self) -> DeckMotion:
+        roll, pitch = self.level if self.tilt is None else (x[MEAN] + x[SWING] for x, _ in self.tilt)
+        return DeckMotion(self.vertical.view(self.height).rate_m_s, roll, pitch)
 
 
 def _with_own_mean(state: State) -> State:
@@ -130,3 +147,7 @@ class WholeOutlook:
         return PadMotion(
             then.position_ned_m, then.velocity_ned_m_s, then.acceleration_ned_m_s2, then.roll_rad, then.pitch_rad
         )
+
+    def deck(self) -> DeckMotion:
+        then = self.track.estimate("outlook")
+        return DeckMotion(then.velocity_ned_m_s[2], then.roll_rad, then.pitch_rad)

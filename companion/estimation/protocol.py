@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from companion.estimation.measurement import PadMeasurement
-from companion.estimation.outlook import PadMotion
+from companion.estimation.outlook import DeckMotion, PadMotion
 from companion.messages import MeasurementVerdict, PadEstimate
 
 
@@ -20,6 +20,9 @@ class PadEstimator(Protocol):
 
     def motion(self, t_ns: int) -> PadMotion | None:
         """The means of `estimate(t_ns)` alone, to the same bits: asked ahead at every tick."""
+
+    def deck(self, t_ns: int) -> DeckMotion | None:
+        """Vertical speed and tilt of `estimate(t_ns)` alone, to the same bits: asked seconds ahead where the vehicle is low."""
 
     def reset(self) -> None:
         """Forget everything."""

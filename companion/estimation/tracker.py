@@ -23,7 +23,7 @@ from companion.estimation.measurement import (
     measurement_from_observation,
     measurement_from_range,
 )
-from companion.estimation.outlook import PadMotion
+from companion.estimation.outlook import DeckMotion, PadMotion
 from companion.estimation.protocol import PadEstimator
 from companion.estimation.vehicle_history import VehicleHistory, VehiclePose, VehicleReset
 from companion.geometry import add, scale
@@ -128,6 +128,11 @@ class PadTracker:
         """Where the pad is in W and how it moves at `t_ns`, most often ahead: the means of `estimate(t_ns)`."""
         vehicle, motion = self.history.latest, self._estimator.motion(t_ns)
         return None if vehicle is None or motion is None else motion.moved(*_seen_from_w(vehicle, t_ns))
+
+    def deck(self, t_ns: int) -> DeckMotion | None:
+        """Vertical speed in W and tilt of `estimate(t_ns)`."""
+        vehicle, deck = self.history.latest, self._estimator.deck(t_ns)
+        return None if vehicle is None or deck is None else deck.moved(_seen_from_w(vehicle, t_ns)[1])
 
     def reset(self) -> None:
         """Forget the pad, not the vehicle."""

@@ -19,13 +19,10 @@ CLOSING_S = 0.3
 
 
 class Deck(Protocol):
-    """The pad at an instant, W: an estimate, or what is predicted of it."""
+    """What the deck does at an instant, W."""
 
     @property
-    def position_ned_m(self) -> Vec3: ...
-
-    @property
-    def velocity_ned_m_s(self) -> Vec3: ...
+    def down_m_s(self) -> float: ...
 
     @property
     def roll_rad(self) -> float: ...
@@ -49,16 +46,16 @@ def time_to_contact_s(height_m: float, mission: Mission) -> float:
     return max(0.0, height_m - mission.vehicle_leg_height_m) / mission.final_descent_speed_m_s
 
 
-def contact(in_s: float, position_m: Vec3, velocity_m_s: Vec3, pad_then: Deck) -> Contact:
-    """`position_m`, `velocity_m_s`: vehicle minus pad now; `pad_then`: the pad predicted for the contact."""
+def contact(in_s: float, position_m: Vec3, velocity_m_s: Vec3, deck_then: Deck) -> Contact:
+    """`position_m`, `velocity_m_s`: vehicle minus pad now; `deck_then`: the deck predicted for the contact."""
     ahead_s = min(in_s, CLOSING_S)
     return Contact(
         in_s=in_s,
         miss_m=horizontal_norm(
             (position_m[0] + ahead_s * velocity_m_s[0], position_m[1] + ahead_s * velocity_m_s[1], 0.0)
         ),
-        deck_tilt_rad=math.acos(math.cos(pad_then.roll_rad) * math.cos(pad_then.pitch_rad)),
-        deck_climb_m_s=-pad_then.velocity_ned_m_s[2],
+        deck_tilt_rad=math.acos(math.cos(deck_then.roll_rad) * math.cos(deck_then.pitch_rad)),
+        deck_climb_m_s=-deck_then.down_m_s,
     )
 
 

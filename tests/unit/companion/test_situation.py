@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from companion.config import Config, Safety, Zone
-from companion.estimation import VehiclePose
+from companion.estimation import DeckMotion, PadMotion, VehiclePose
 from companion.messages import PadEstimate, RangeMeasurement, ThrustReport
 from companion.mission.facts import Facts
 from companion.situation import Situation
@@ -35,7 +35,11 @@ class Moving:
         north = 4.0 * t_ns / 1e9
         return replace(PAD, t_ns=t_ns, position_ned_m=(north, 0.0, -0.5))
 
-    motion = estimate
+    def motion(self, t_ns: int) -> PadMotion:
+        return PadMotion((4.0 * t_ns / 1e9, 0.0, -0.5), PAD.velocity_ned_m_s, PAD.acceleration_ned_m_s2, 0.0, 0.0)
+
+    def deck(self, t_ns: int) -> DeckMotion:
+        return DeckMotion(0.1 * t_ns / 1e9, 0.0, 0.05)
 
 
 class Scene:
@@ -126,6 +130,8 @@ def test_the_deck_is_predicted_for_the_time_of_contact() -> None:
     facts = Scene().run(0.1, height_m=1.22, sink_m_s=0.0, thrust=0.5)
     assert facts.contact is not None
     assert facts.contact.in_s == pytest.approx(2.0)
+    assert facts.contact.deck_climb_m_s == pytest.approx(-0.21)
+    assert facts.contact.deck_tilt_rad == pytest.approx(0.05)
 
 
 def test_a_pad_on_its_way_into_a_no_land_zone_is_in_it_at_contact() -> None:

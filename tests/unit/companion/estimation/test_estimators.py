@@ -65,6 +65,7 @@ def test_the_motion_alone_has_the_bits_of_the_whole_estimate_ahead_and_in_the_pa
         if motion is not None and estimate is not None:
             for field in PadMotion.__slots__:
                 assert getattr(motion, field) == getattr(estimate, field)
+            assert estimator.deck(ns(float(t))) == (estimate.velocity_ned_m_s[2], estimate.roll_rad, estimate.pitch_rad)
 
 
 @pytest.mark.parametrize("name", NAMES)
