@@ -16,6 +16,7 @@ from sitl_stub.carriers.motion import KNOT_S, Carrier, CarrierMotion
 from sitl_stub.carriers.placement import PlacedPath
 from sitl_stub.carriers.waves import Sea
 from sitl_stub.carriers.wobble import Wobble
+from sitl_stub.randomness import NormalDraws
 from sitl_stub.section import NonNegative, Positive, Section
 
 
@@ -63,7 +64,8 @@ class Boat:
             settings.current_m_s * math.sin(current_toward),
         )
         self._swing_phase_rad = rng.uniform(0.0, math.tau)
-        self._turn_wobble = Wobble(settings.turn_wobble_rad_s, 3.0, KNOT_S, rng)
+        draws = NormalDraws(rng)
+        self._turn_wobble = Wobble(settings.turn_wobble_rad_s, 3.0, KNOT_S, draws)
         start = path.at(0.0)
         self._heading_rad, self._speed_m_s = start.heading_rad, start.speed_m_s
         self._turn_rad_s = start.speed_m_s * start.curvature_1_m

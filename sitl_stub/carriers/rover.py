@@ -13,6 +13,7 @@ from sitl_stub.carriers.guidance import follow, slew
 from sitl_stub.carriers.motion import KNOT_S, Carrier, CarrierMotion
 from sitl_stub.carriers.placement import PlacedPath
 from sitl_stub.carriers.wobble import Wobble
+from sitl_stub.randomness import NormalDraws
 from sitl_stub.section import NonNegative, Positive, Section
 
 _WOBBLE_TIME_S = 1.5
@@ -46,8 +47,9 @@ class Rover:
         self._north_m, self._east_m, self._heading_rad = start.north_m, start.east_m, start.heading_rad
         self._speed_m_s = start.speed_m_s
         self._turn_rad_s = start.speed_m_s * start.curvature_1_m
-        self._speed_wobble = Wobble(settings.speed_wobble_m_s, _WOBBLE_TIME_S, KNOT_S, rng)
-        self._turn_wobble = Wobble(settings.turn_wobble_rad_s, _WOBBLE_TIME_S, KNOT_S, rng)
+        draws = NormalDraws(rng)
+        self._speed_wobble = Wobble(settings.speed_wobble_m_s, _WOBBLE_TIME_S, KNOT_S, draws)
+        self._turn_wobble = Wobble(settings.turn_wobble_rad_s, _WOBBLE_TIME_S, KNOT_S, draws)
         self._knot = 0
 
     def motion(self) -> CarrierMotion:

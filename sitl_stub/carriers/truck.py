@@ -14,6 +14,7 @@ from sitl_stub.carriers.guidance import follow, slew
 from sitl_stub.carriers.motion import KNOT_S, Carrier, CarrierMotion
 from sitl_stub.carriers.placement import PlacedPath
 from sitl_stub.carriers.wobble import Wobble
+from sitl_stub.randomness import NormalDraws
 from sitl_stub.section import NonNegative, Positive, Section
 
 _WOBBLE_TIME_S = 2.0
@@ -55,8 +56,9 @@ class Truck:
         self._back_east_m = -ahead * math.sin(start.heading_rad)
         self._speed_m_s = min(start.speed_m_s, settings.max_speed_m_s)
         self._steering_rad = math.atan(settings.wheelbase_m * start.curvature_1_m)
-        self._speed_wobble = Wobble(settings.speed_wobble_m_s, _WOBBLE_TIME_S, KNOT_S, rng)
-        self._steering_wobble = Wobble(math.radians(settings.steering_wobble_deg), _WOBBLE_TIME_S, KNOT_S, rng)
+        draws = NormalDraws(rng)
+        self._speed_wobble = Wobble(settings.speed_wobble_m_s, _WOBBLE_TIME_S, KNOT_S, draws)
+        self._steering_wobble = Wobble(math.radians(settings.steering_wobble_deg), _WOBBLE_TIME_S, KNOT_S, draws)
         self._knot = 0
 
     def motion(self) -> CarrierMotion:

@@ -6,13 +6,15 @@ import math
 
 import numpy as np
 
+from sitl_stub.randomness import NormalDraws
+
 
 class Wobble:
     """Zero mean, standard deviation `sigma` and correlation time `time_s`; starts from its stationary distribution."""
 
     __slots__ = ("_decay", "_kick", "_rng", "value")
 
-    def __init__(self, sigma: float, time_s: float, dt_s: float, rng: np.random.Generator) -> None:
+    def __init__(self, sigma: float, time_s: float, dt_s: float, rng: np.random.Generator | NormalDraws) -> None:
         self._rng = rng
         self._decay = math.exp(-dt_s / time_s)
         self._kick = sigma * math.sqrt(1.0 - self._decay**2)
