@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -18,11 +18,12 @@ from companion.campaign.command import results_folder
 from companion.campaign.results_file import stored_rows
 from companion.campaign.statistics import CellStatistics, cell_statistics
 from companion.config import Config
-from companion.messages import CameraImage, Image, Phase
+from companion.messages import CameraImage, Image
 from companion.planning import PLANNERS, Limits, Plan, PlanRequest
+from companion.reproduce.flight_rows import error_row, landed_row, phase_bands
 from companion.reproduce.row import Reproduction, Row, number_row
 from companion.reproduce.watched_flight import WatchedFlight, preset, watched
-from companion.telemetry.svg_plot import Band, Chart, Line
+from companion.telemetry.svg_plot import Chart, Line
 from companion.vision import DETECTORS, cross, pose, quads
 from companion.vision.lens import from_config
 from sitl_stub.camera.camera import Camera
@@ -187,11 +188,11 @@ def _plan_ms(planning: Any, request: PlanRequest) -> float:
 
 
 def _landing_rows(table: str, flight: WatchedFlight) -> list[Row]:
-    found, error = flight.result.first_sight_s, flight.result.verdict.touchdown_error_m
+    found = flight.result.first_sight_s
     return [
-        Row(table, "landed", "yes", flight.result.outcome, "", "", "same" if flight.landed else "differs"),
+        landed_row(table, flight),
         number_row(table, "platform found after", None, math.nan if found is None else round(found, 1), "s", 0.0),
-        number_row(table, "touchdown error", None, math.nan if error is None else round(error, 3), "m", 0.0),
+        error_row(table, flight),
     ]
 
 
@@ -234,7 +235,8 @@ def _hidden_rows(config: Config) -> list[Row]:
     rounds = flight.result.go_arounds
     table = "Tag hidden for 2 s below 3 m, line at 1.2 m/s (n = 1)"
     return [
-        *_landing_rows(table, flight)[::2],
+        landed_row(table, flight),
+        error_row(table, flight),
         number_row(table, "go-arounds", None, float(rounds), "", 0.0),
     ]
 
@@ -249,26 +251,9 @@ def _charts(title: str, flight: WatchedFlight) -> list[Chart]:
     vehicle_m_s = [math.hypot(*i.velocity_m_s[:2]) for i in instants]
     platform_m_s = [math.hypot(*i.pad_velocity_m_s[:2]) for i in instants]
     speeds = [Line("vehicle", "#36c", t_s, vehicle_m_s), Line("platform", "#c33", t_s, platform_m_s, dashed=True)]
-    bands = _bands(flight)
+    bands = phase_bands(flight)
     return [
         Chart(f"{title}, from above", "east m", "north m", (vehicle, pad), equal=True, height=360.0),
         Chart(f"{title}: distance", "time s", "m", (height, away), bands, width=760.0),
         Chart(f"{title}: speed", "time s", "m/s", tuple(speeds), bands, width=760.0),
     ]
-
-
-COLOURS = {Phase.SEARCH: "#f1f1f1", Phase.FOLLOW: "#eef6ff", Phase.DESCEND: "#e9f9ee", Phase.COMMIT: "#fff5dc"}
-
-
-def _bands(flight: WatchedFlight) -> tuple[Band, ...]:
-    return phase_bands(flight.watch.changes, flight.result.simulated_s)
-
-
-def phase_bands(changes: Sequence[tuple[float, Any]], end_s: float) -> tuple[Band, ...]:
-    """The phases that have a colour, as bands of a chart over time."""
-    ends = [*(t_s for t_s, _ in changes[1:]), end_s]
-    return tuple(
-        Band(begin, end, change.after.value, COLOURS[change.after])
-        for (begin, change), end in zip(changes, ends, strict=True)
-        if change.after in COLOURS
-    )

@@ -14,9 +14,10 @@ from typing import Any
 
 from companion.control.yaw import BOX_AHEAD_M, BOX_BEHIND_M, BOX_HALF_ACROSS_M, BOX_HEIGHT_M
 from companion.messages import Phase
-from companion.reproduce.row import Row, Verdict, number_row
+from companion.reproduce.flight_rows import error_row, landed_row, phase_bands
+from companion.reproduce.row import Row, number_row, said_row
 from companion.reproduce.watched_flight import Instant, WatchedFlight, preset, watched
-from companion.telemetry.svg_plot import Band, Chart, Line
+from companion.telemetry.svg_plot import Chart, Line
 
 STILL: dict[str, Any] = {"carrier": {"kind": "still"}, "path": {"kind": "still"}}
 NEAR = {"mission.follow_behind_m": 2.25}
@@ -97,18 +98,13 @@ def _landed(flights: Sequence[WatchedFlight]) -> str:
     return f"{sum(flight.landed for flight in flights)} of {len(flights)}"
 
 
-def _said(table: str, name: str, printed: str, ours: str, *, holds: bool) -> Row:
-    verdict: Verdict = "same" if holds else "differs"
-    return Row(table, name, printed, ours, "", "", verdict)
-
-
 def _turn_rows(flights: Sequence[WatchedFlight]) -> list[Row]:
     table = f"Yaw error of 15 degrees (n = {len(flights)}, medians)"
     turns = [turn for flight in flights if (turn := yaw_turn(flight.watch.instants)) is not None]
     first = _median([math.degrees(abs(turn.first_rad)) for turn in turns])
     gone = _median([turn.gone_after_s for turn in turns])
     return [
-        _said(table, "landed", "yes", _landed(flights), holds=all(flight.landed for flight in flights)),
+        said_row(table, "landed", "yes", _landed(flights), holds=all(flight.landed for flight in flights)),
         number_row(table, "error when the box is entered", 15.0, round(first, 1), "deg", 5.0),
         number_row(table, "gone (below 3 deg) after", 3.0, round(gone, 2), "s", 0.5, good=-1),
     ]
@@ -121,7 +117,9 @@ def _trigger_rows(on: Sequence[WatchedFlight], off: Sequence[WatchedFlight]) -> 
         number_row(table, "landing with it", 18.0, round(with_s, 1), "s", 2.0, good=-1),
         number_row(table, "landing without it", 30.0, round(without_s, 1), "s", 2.0, good=-1),
         number_row(table, "with over without", 0.6, round(with_s / without_s, 2), "", 0.05, good=-1),
-        _said(table, "landed with, without", "all", f"{_landed(on)}, {_landed(off)}", holds=all(f.landed for f in on)),
+        said_row(
+            table, "landed with, without", "all", f"{_landed(on)}, {_landed(off)}", holds=all(f.landed for f in on)
+        ),
     ]
 
 
@@ -135,7 +133,7 @@ def _hold_rows(flight: WatchedFlight) -> list[Row]:
     return [
         number_row(table, "Hold after the marker is hidden", 0.3, round(after, 2), "s", 0.2),
         number_row(table, "Offboard asked for after it is back", None, round(resumed, 2), "s", 0.0),
-        _said(table, "lands after it", "yes", flight.result.outcome, holds=flight.landed),
+        landed_row(table, flight, "lands after it"),
     ]
 
 
@@ -144,9 +142,9 @@ def _cart() -> tuple[list[Row], Chart]:
     table = "Cart at 0.2 m/s (n = 1)"
     took = landing_s(flight) or math.nan
     return [
-        _said(table, "landed", "yes", flight.result.outcome, holds=flight.landed),
+        landed_row(table, flight),
         number_row(table, "landing from 3 m", 15.0, round(took, 1), "s", 1.0, good=-1),
-        _error_row(table, flight),
+        error_row(table, flight),
     ], _offset_chart(flight, "Cart at 0.2 m/s")
 
 
@@ -158,10 +156,10 @@ def _boat() -> tuple[list[Row], Chart]:
     gone = math.nan if turn is None or turn.gone_after_s is None else turn.gone_after_s
     swing = f"{min(headings):.0f} to {max(headings):.0f}"
     return [
-        _said(table, "landed", "yes", flight.result.outcome, holds=flight.landed),
+        landed_row(table, flight),
         Row(table, "heading of the boat", "55 to 65", swing, "deg", "", "same"),
         number_row(table, "yaw corrected in the box within", 1.5, round(gone, 2), "s", 0.5, good=-1),
-        _error_row(table, flight),
+        error_row(table, flight),
     ], _yaw_chart("Boat: yaw error", flight)
 
 
@@ -171,36 +169,20 @@ def _wind() -> tuple[list[Row], Chart]:
     approach = flight.seconds(Phase.APPROACH, Phase.DESCEND) or math.nan
     took = landing_s(flight, Phase.DESCEND) or math.nan
     return [
-        _said(table, "landed", "yes", flight.result.outcome, holds=flight.landed),
+        landed_row(table, flight),
         number_row(
             table, "approach to 5 m behind it (62 s in the paper, along waypoints)", None, round(approach, 1), "s", 0.0
         ),
         number_row(table, "landing from there", 13.0, round(took, 1), "s", 1.0, good=-1),
-        _error_row(table, flight),
+        error_row(table, flight),
     ], _map(flight)
-
-
-def _error_row(table: str, flight: WatchedFlight) -> Row:
-    error = flight.result.verdict.touchdown_error_m
-    return number_row(table, "touchdown error", None, math.nan if error is None else round(error, 3), "m", 0.0)
-
-
-def _bands(flight: WatchedFlight) -> tuple[Band, ...]:
-    colours = {Phase.FOLLOW: "#eef6ff", Phase.DESCEND: "#e9f9ee", Phase.HOLD: "#fdeaea", Phase.COMMIT: "#fff5dc"}
-    changes = [(t_s, change.after) for t_s, change in flight.watch.changes]
-    ends = [*(t_s for t_s, _ in changes[1:]), flight.result.simulated_s]
-    return tuple(
-        Band(begin, end, phase.value, colours[phase])
-        for (begin, phase), end in zip(changes, ends, strict=True)
-        if phase in colours
-    )
 
 
 def _yaw_chart(title: str, flight: WatchedFlight) -> Chart:
     instants = flight.watch.instants
     t_s = [instant.t_s for instant in instants]
     line = Line("yaw error", "#36c", t_s, [math.degrees(yaw_error_rad(instant)) for instant in instants])
-    return Chart(title, "time s", "deg", (line,), _bands(flight), width=760.0)
+    return Chart(title, "time s", "deg", (line,), phase_bands(flight), width=760.0)
 
 
 def _offset_chart(flight: WatchedFlight, title: str = "From the landing point") -> Chart:
@@ -212,7 +194,7 @@ def _offset_chart(flight: WatchedFlight, title: str = "From the landing point") 
             (("ahead", "#c33", 1.0), ("right", "#36c", 1.0), ("up", "#0a7", -1.0))
         )
     )
-    return Chart(title, "time s", "m in the pad's frame", lines, _bands(flight), width=760.0)
+    return Chart(title, "time s", "m in the pad's frame", lines, phase_bands(flight), width=760.0)
 
 
 def _map(flight: WatchedFlight) -> Chart:

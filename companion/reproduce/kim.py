@@ -18,8 +18,8 @@ from companion.config import Config
 from companion.geometry import horizontal_norm, rotate
 from companion.messages import CameraImage, PadBearing, Phase
 from companion.mount import mounted
-from companion.reproduce.falanga import phase_bands
-from companion.reproduce.row import Reproduction, Row, Verdict, number_row
+from companion.reproduce.flight_rows import error_row, landed_row, phase_bands
+from companion.reproduce.row import Reproduction, Row, number_row, said_row
 from companion.reproduce.watched_flight import Instant, WatchedFlight, preset, watched
 from companion.telemetry.svg_plot import Chart, Line
 from companion.vision import DETECTORS
@@ -145,12 +145,12 @@ def _geolocation_rows(config: Config, count: int) -> tuple[list[Row], Chart]:
     far = [one for one in found if one.height_m >= 3.0 and len(one.tilted_m)]
     shares = [float(one.tilted_m.mean()) / one.height_m for one in far]
     rows.append(
-        _said(
+        said_row(
             table,
             "error over height from 3 m up, 1 degree off",
             "constant",
             f"{min(shares):.3f} to {max(shares):.3f}",
-            max(shares) < 2.0 * min(shares),
+            holds=max(shares) < 2.0 * min(shares),
         )
     )
     lines = tuple(
@@ -163,20 +163,14 @@ def _geolocation_rows(config: Config, count: int) -> tuple[list[Row], Chart]:
     return rows, Chart("Geolocation error", "height m", "m", lines)
 
 
-def _said(table: str, name: str, printed: str, ours: str, holds: bool) -> Row:
-    verdict: Verdict = "same" if holds else "differs"
-    return Row(table, name, printed, ours, "", "", verdict)
-
-
 # -------------------------------------------------------------------------------------------------------------- flight
 
 
 def _flight_rows(flight: WatchedFlight) -> list[Row]:
     table = "Landing on a rover at 0.8 m/s (n = 1)"
-    error = flight.result.verdict.touchdown_error_m
     rows = [
-        _said(table, "landed", "yes", flight.result.outcome, flight.landed),
-        number_row(table, "touchdown error", None, math.nan if error is None else round(error, 3), "m", 0.0),
+        landed_row(table, flight),
+        error_row(table, flight),
         number_row(table, "target's speed found after", 2.0, round(speed_found_after_s(flight), 1), "s", 0.5, good=-1),
         number_row(
             table, "vehicle at the target's speed after", 2.0, round(speed_met_after_s(flight), 1), "s", 0.5, good=-1
@@ -190,7 +184,7 @@ def _flight_rows(flight: WatchedFlight) -> list[Row]:
         if math.isnan(high):
             return rows
         shrinks = f"{high:.2f} m above 1.5 m, {low:.2f} m below 1 m"
-        rows.append(_said(table, "horizontal error shrinks with height", "yes", shrinks, low < 0.9 * high))
+        rows.append(said_row(table, "horizontal error shrinks with height", "yes", shrinks, holds=low < 0.9 * high))
     return rows
 
 
@@ -242,7 +236,7 @@ def _miss_between(instants: Sequence[Instant], low_m: float, high_m: float) -> f
 def _flight_charts(flight: WatchedFlight) -> list[Chart]:
     instants = flight.watch.instants
     t_s = [i.t_s for i in instants]
-    bands = phase_bands(flight.watch.changes, flight.result.simulated_s)
+    bands = phase_bands(flight)
     speeds = (
         Line("vehicle", "#36c", t_s, [horizontal_norm(i.velocity_m_s) for i in instants]),
         Line("target", "#c33", t_s, [horizontal_norm(i.pad_velocity_m_s) for i in instants], dashed=True),
@@ -291,7 +285,8 @@ def _adaptive_rows(seeds: Sequence[int]) -> tuple[list[Row], Chart]:
         for name, error in errors.items()
     ]
     said = f"{errors['with L1']:.2f} against {errors['without']:.2f} m"
-    rows.append(_said(table, "L1 makes the error smaller", "yes", said, errors["with L1"] < 0.9 * errors["without"]))
+    smaller = errors["with L1"] < 0.9 * errors["without"]
+    rows.append(said_row(table, "L1 makes the error smaller", "yes", said, holds=smaller))
     lines = tuple(
         Line(name, colour, *_error_line(flights[name][0]))
         for name, colour in (("with L1", "#0a7"), ("without", "#c33"))

@@ -53,3 +53,8 @@ def number_row(
     difference = ours - printed
     verdict: Verdict = "same" if abs(difference) <= tolerance else "better" if difference * good > 0 else "differs"
     return Row(table, name, printed, ours, unit, f"{tolerance:g}", verdict)
+
+
+def said_row(table: str, name: str, printed: str, ours: str, *, holds: bool) -> Row:
+    """A row of words: the same where it holds."""
+    return Row(table, name, printed, ours, "", "", "same" if holds else "differs")
