@@ -6,7 +6,9 @@ The app side is exactly `companion run`; the simulator's own verdict, which know
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import json
+import signal
 import subprocess
 import sys
 import time
@@ -86,12 +88,14 @@ async def _watch(app: LiveApp, stub: subprocess.Popen[str], limit_s: float) -> N
 
 
 def _verdict(stub: subprocess.Popen[str]) -> dict[str, Any]:
-    """The simulator's last line of JSON; empty where it ended without one."""
-    try:
-        output, _ = stub.communicate(timeout=STUB_GRACE_S)
-    except subprocess.TimeoutExpired:
-        stub.send_signal(2)
-        output, _ = stub.communicate(timeout=STUB_GRACE_S)
+    """The simulator's last line of JSON; empty where it ended without one, if need be by force."""
+    output = ""
+    for last_word in (None, signal.SIGINT, signal.SIGKILL):
+        if last_word is not None:
+            stub.send_signal(last_word)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            output, _ = stub.communicate(timeout=STUB_GRACE_S)
+            break
     lines = [line for line in output.splitlines() if line.startswith("{")]
     return dict(json.loads(lines[-1])) if lines else {}
 

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from array import array
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import pytest
+
+from companion import demo_udp
 from companion.app import LiveCounters
 from companion.demo import DemoOptions
-from companion.demo_udp import _figures, timing_ms
+from companion.demo_udp import _figures, _verdict, timing_ms
 from companion.messages import Phase
 
 SECOND_NS = 10**9
@@ -66,3 +71,17 @@ def test_without_a_touchdown_there_is_no_time() -> None:
 def test_gaps_are_judged_by_their_deviation_from_the_period() -> None:
     sent = array("q", [0, 20_000_000, 41_000_000, 61_000_000])
     assert timing_ms(sent, 20_000_000) == {"count": 3, "p50": 0.0, "p99": 0.0, "max": 1.0}
+
+
+def test_a_simulator_that_does_not_end_is_ended_and_gives_no_verdict(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(demo_udp, "STUB_GRACE_S", 0.5)
+    deaf = "import signal, time; signal.signal(signal.SIGINT, signal.SIG_IGN); time.sleep(600)"
+    with subprocess.Popen([sys.executable, "-c", deaf], stdout=subprocess.PIPE, text=True) as stub:
+        assert _verdict(stub) == {}
+        assert stub.wait() != 0
+
+
+def test_the_verdict_is_the_simulators_last_line_of_json() -> None:
+    speaks = "print('flying'); print('{\"ending\": \"on_pad\"}')"
+    with subprocess.Popen([sys.executable, "-c", speaks], stdout=subprocess.PIPE, text=True) as stub:
+        assert _verdict(stub) == {"ending": "on_pad"}
