@@ -13,6 +13,7 @@ from typing import Protocol
 
 import numpy as np
 
+from sitl_stub.compiled import compiled, used_by_kernels
 from sitl_stub.rotation import Vec3
 
 _REFERENCE_HEIGHT_M = 6.096
@@ -22,6 +23,11 @@ _GUST_PERIOD_S = 0.02
 _LEAST_SPEED_M_S = 2.0
 _FOOT_M = 0.3048
 _BLOCK = 1024
+
+Gust = tuple[float, float, float, float, float]
+"""States of unit variance: along; across, two; vertical, two."""
+Air = tuple[float, float, float, float, float]
+"""Mean speed at 6.1 m, the direction it goes (north, east), standard deviations of horizontal and vertical gusts."""
 
 
 class Wind(Protocol):
@@ -49,6 +55,7 @@ class StillAir:
         """Nothing to go on with."""
 
 
+@used_by_kernels
 def profile(height_m: float) -> float:
     """Mean wind at a height as a part of that at 6.1 m; constant below half a metre."""
     return log(max(height_m, _LEAST_HEIGHT_M) / _ROUGHNESS_M) / log(_REFERENCE_HEIGHT_M / _ROUGHNESS_M)
@@ -82,14 +89,16 @@ class DrydenWind:
         vertical_gust_sigma_m_s: float,
         rng: np.random.Generator,
     ) -> None:
-        self._mean_m_s = mean_m_s
-        self._along = (-cos(from_rad), -sin(from_rad))
-        self._sigma_m_s, self._vertical_sigma_m_s = gust_sigma_m_s, vertical_gust_sigma_m_s
+        north, east = -cos(from_rad), -sin(from_rad)
+        self._air: Air = (float(mean_m_s), north, east, float(gust_sigma_m_s), float(vertical_gust_sigma_m_s))
         self._rng = rng
         self._noise: list[float] = []
         # Unit variance each: along; across (two states); vertical (two states), started in their stationary spread.
         u, v, w = self._draw(), self._draw(), self._draw()
-        self._u, self._v1, self._v2, self._w1, self._w2 = u, v, 0.5 * v, w, 0.5 * w
+        self._gust: Gust = (u, v, 0.5 * v, w, 0.5 * w)
+        blown(
+            self._gust, self._air, (0.0, 0.0, 0.0), _GUST_PERIOD_S, 1.0
+        )  # compiled before the first flight, not in it
         self._since_s = _GUST_PERIOD_S
         self._now: Vec3 = (0.0, 0.0, 0.0)
 
@@ -116,33 +125,45 @@ class DrydenWind:
             self._since_s += dt_s
 
     def _blow(self, dt_s: float, height_m: float) -> None:
-        mean_m_s = self._mean_m_s * profile(height_m)
-        speed_m_s = max(mean_m_s, _LEAST_SPEED_M_S)
-        flat_m, vertical_m = gust_lengths_m(height_m)
-        share = min(dt_s * speed_m_s / flat_m, 1.0)
-        self._u += -share * self._u + sqrt(share * (2.0 - share)) * self._draw()
-        self._v1, self._v2 = self._second_order(self._v1, self._v2, share)
-        self._w1, self._w2 = self._second_order(self._w1, self._w2, min(dt_s * speed_m_s / vertical_m, 1.0))
-        along = mean_m_s + self._sigma_m_s * self._u
-        across = self._sigma_m_s * _shaped(self._v1, self._v2)
-        north, east = self._along
-        self._now = (
-            north * along - east * across,
-            east * along + north * across,
-            self._vertical_sigma_m_s * _shaped(self._w1, self._w2),
-        )
-
-    def _second_order(self, first: float, second: float, share: float) -> tuple[float, float]:
-        second += share * (first - second)
-        first += -share * first + sqrt(share * (2.0 - share)) * self._draw()
-        return first, second
+        drawn = (self._draw(), self._draw(), self._draw())
+        self._gust, self._now = blown(self._gust, self._air, drawn, dt_s, height_m)
 
 
+@compiled
+def blown(gust: Gust, air: Air, drawn: Vec3, dt_s: float, height_m: float) -> tuple[Gust, Vec3]:
+    """The filters a gust period later, and the velocity of the air."""
+    u, v1, v2, w1, w2 = gust
+    mean_m_s, north, east, sigma_m_s, vertical_sigma_m_s = air
+    mean_m_s = mean_m_s * profile(height_m)
+    speed_m_s = max(mean_m_s, _LEAST_SPEED_M_S)
+    flat_m, vertical_m = gust_lengths_m(height_m)
+    share = min(dt_s * speed_m_s / flat_m, 1.0)
+    u += -share * u + sqrt(share * (2.0 - share)) * drawn[0]
+    v1, v2 = _second_order(v1, v2, share, drawn[1])
+    w1, w2 = _second_order(w1, w2, min(dt_s * speed_m_s / vertical_m, 1.0), drawn[2])
+    along = mean_m_s + sigma_m_s * u
+    across = sigma_m_s * _shaped(v1, v2)
+    return (u, v1, v2, w1, w2), (
+        north * along - east * across,
+        east * along + north * across,
+        vertical_sigma_m_s * _shaped(w1, w2),
+    )
+
+
+@used_by_kernels
+def _second_order(first: float, second: float, share: float, drawn: float) -> tuple[float, float]:
+    second += share * (first - second)
+    first += -share * first + sqrt(share * (2.0 - share)) * drawn
+    return first, second
+
+
+@used_by_kernels
 def _shaped(first: float, second: float) -> float:
     """Dryden's across-wind filter (1 + sqrt3 T s) / (1 + T s)^2 in partial fractions, at unit variance."""
     return (sqrt(3.0) * first + (1.0 - sqrt(3.0)) * second) / sqrt(2.0)
 
 
+@used_by_kernels
 def gust_lengths_m(height_m: float) -> tuple[float, float]:
     """Length scales of horizontal and vertical gusts between 3 and 300 m (MIL-F-8785C)."""
     feet = min(max(height_m / _FOOT_M, 10.0), 1000.0)
