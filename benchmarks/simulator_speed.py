@@ -1,12 +1,16 @@
 """How many simulated seconds the simulator makes in a second of one core, and where the time goes.
 
     python benchmarks/simulator_speed.py [--seconds 20] [--repeat 3] [--json] [--fast|--plain] [--references] [--profile]
+        [--parts]
 
 Rows without cameras: OFFBOARD with setpoints at 25 Hz and hovering in AUTO.LOITER, each with the autopilot's ground link off
 and on (on, PX4 sends twice as many messages), and standing on a moving deck (contact at 1 kHz). Then flying with the 752 x 480 camera
 at 30 Hz rendered, and one frame. Each row is measured in a process of its own, plain (NUMBA_DISABLE_JIT=1) and with numba where it is
 installed. Time is the process's CPU time; "loop" is a fixed loop of plain Python in the same run, to tell a busy machine from a slow
 simulator: it takes about 0.07 s on the machine of docs/simulator.md when that is quiet. The best of the repeats counts.
+
+`--parts` puts timers around the parts of OFFBOARD flight with the ground link off and prints calls a simulated second, the median of a
+call and their product; parts lie within one another. A timer adds about 0.3 us to a call.
 
 `--references` adds, where they are installed, MuJoCo (a quadrotor at 250 Hz with a small attitude and height controller in NumPy) and
 gym-pybullet-drones (its CtrlAviary at 240 Hz with its own DSLPIDControl). Both have neither estimator, autopilot nor messages nor
@@ -21,6 +25,7 @@ import importlib.util
 import json
 import os
 import pstats
+import statistics
 import subprocess
 import sys
 import time
@@ -31,11 +36,13 @@ import cv2
 import msgspec
 
 from sitl_stub import scenario as scenarios
+from sitl_stub.carriers.deck import Deck
 from sitl_stub.compiled import COMPILED
 from sitl_stub.datagram_faults import Datagram
 from sitl_stub.mavlink.definitions import COMMAND_LONG, SET_POSITION_TARGET_LOCAL_NED
 from sitl_stub.mavlink.frame import encode
 from sitl_stub.scenario import Scenario
+from sitl_stub.steady_flight import SteadyFlight
 from sitl_stub.world import World
 
 CHUNK_S = 0.02
@@ -209,6 +216,45 @@ def profile(seconds: float) -> None:
     pstats.Stats(profiler).sort_stats("tottime").print_stats(25)
 
 
+PARTS: tuple[tuple[type, str], ...] = (
+    (World, "step"),
+    (World, "_take_in"),
+    (World, "_fly_steadily"),
+    (World, "_wind_here"),
+    (SteadyFlight, "fly"),
+    (SteadyFlight, "send_many"),
+    (SteadyFlight, "send"),
+    (SteadyFlight, "decide"),
+    (World, "_do_what_is_due"),
+    (Deck, "at"),
+)
+
+
+def timed(function: Callable[..., Any], times_ns: list[int]) -> Callable[..., Any]:
+    def call(*arguments: Any, **named: Any) -> Any:
+        begun = time.perf_counter_ns()
+        result = function(*arguments, **named)
+        times_ns.append(time.perf_counter_ns() - begun)
+        return result
+
+    return call
+
+
+def parts(seconds: float) -> None:
+    """Where the time of OFFBOARD flight goes, on the wall: medians, so that what else runs on the machine counts little."""
+    world = World(flying(cameras=False), 1)
+    world.autopilot.endpoint.silence("ground")
+    fly(world, SETTLING_S, offboard=True)
+    taken: dict[str, list[int]] = {f"{owner.__name__}.{name}": [] for owner, name in PARTS}
+    for owner, name in PARTS:
+        setattr(owner, name, timed(getattr(owner, name), taken[f"{owner.__name__}.{name}"]))
+    fly(world, seconds, offboard=True)
+    for name, times_ns in taken.items():
+        if times_ns:
+            rate, median_us = len(times_ns) / seconds, statistics.median(times_ns) * 1e-3
+            print(f"{name:24s} {rate:7.1f} /s {median_us:8.1f} us {rate * median_us * 1e-3:7.3f} ms/s")
+
+
 def measured(options: argparse.Namespace) -> None:
     """Measure in this process and print."""
     kind = "fast" if COMPILED else "plain"
@@ -232,10 +278,14 @@ def main() -> None:
     parser.add_argument("--fast", action="store_true", help="only with numba")
     parser.add_argument("--references", action="store_true", help="add other simulators where they are installed")
     parser.add_argument("--profile", action="store_true", help="also say where the time goes, without camera")
+    parser.add_argument("--parts", action="store_true", help="only say where the time of OFFBOARD flight goes")
     parser.add_argument("--here", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.here:
         cv2.setNumThreads(1)  # one core: OpenCV's own threads would count as processor time too
+        if options.parts:
+            parts(options.seconds)
+            return
         measured(options)
         if options.profile:
             profile(options.seconds)
