@@ -53,9 +53,11 @@ class CodeBook:
         bits = np.stack([_bits(dictionary, marker_id) for marker_id in ids])
         compared = np.stack([(readable or {}).get(marker_id, whole) for marker_id in ids])
         self._compare = _turned(compared)
-        self._codes = _turned(bits) * self._compare
+        codes = _turned(bits) * self._compare
+        self._to_wrong, self._ones = (self._compare - 2.0 * codes).T, codes.sum(axis=1)
+        self._signed, self._compared_cells = (2.0 * codes - self._compare).T, self._compare.sum(axis=1)
         # A family with many ids must be read almost exactly; a few ids may have an eighth of their bits wrong.
-        allowed = self._compare.sum(axis=1) // 8 if len(ids) <= 8 else dictionary.maxCorrectionBits // 2
+        allowed = self._compared_cells // 8 if len(ids) <= 8 else dictionary.maxCorrectionBits // 2
         self._max_wrong = np.maximum(1.0, np.broadcast_to(allowed, len(ids) * 4))
         self._grid = _grid(self._cells)
 
@@ -90,12 +92,10 @@ class CodeBook:
 
     def _compared(self, code: Array, middle: Array, black: Array, white: Array) -> tuple[Array, Array]:
         """(M, codes) wrong bits and correlation in grey levels, over the cells that are compared."""
-        bits = (code > middle).astype(np.float64)
-        wrong = bits @ (self._compare - 2.0 * self._codes).T + self._codes.sum(axis=1)
-        signed = 2.0 * self._codes - self._compare
+        wrong = (code > middle).astype(np.float64) @ self._to_wrong + self._ones
         levels = np.clip((code - middle) / np.maximum(white - black, 1.0)[:, None], -0.75, 0.75)
-        size = np.sqrt((levels * levels) @ self._compare.T * self._compare.sum(axis=1))
-        return wrong, levels @ signed.T / np.maximum(size, 1e-9)
+        size = np.sqrt((levels * levels) @ self._compare.T * self._compared_cells)
+        return wrong, levels @ self._signed / np.maximum(size, 1e-9)
 
 
 def _turned(cells: npt.NDArray[Any]) -> Array:

@@ -32,6 +32,7 @@ _SUMS = np.stack((np.ones(12), _MIDDLES)).astype(np.float32)
 _FRACTIONS: Array = np.linspace(_TRIM, 1.0 - _TRIM, SAMPLES)
 _WITH_ENDS: Array = np.concatenate(([0.0], _FRACTIONS, [1.0]))
 _POWERS: Array = np.column_stack((np.ones(SAMPLES), _FRACTIONS, _FRACTIONS**2))
+_ALONG: Array = _POWERS[:, :2].T
 _PICKS: Array = np.array([(1.0, fraction, step) for step in _STEPS for fraction in _FRACTIONS]).T
 """Samples of a straight edge (3, K * S): shares of its start, of its length along it, and of the reach across it."""
 _BEFORE = np.array([3, 0, 1, 2])
@@ -120,12 +121,12 @@ def _fitted_offsets(weight: Array, place: Array, reach_px: Array) -> tuple[Array
     """
     typical = _median(weight)
     w = np.minimum(np.sqrt(weight), 2.0 * np.sqrt(typical))  # one bright spot does not rule
-    distance = np.abs(place - _line_through(place, w) @ _POWERS[:, :2].T)
+    distance = np.abs(place - _line_through(place, w) @ _ALONG)
     spread = _median(distance)
-    w = np.where(distance <= 3.0 * spread + 0.05, w, 0.0)
+    w *= distance <= 3.0 * spread + 0.05
     line = _line_through(place, w)
     holds = (
-        (np.count_nonzero(w, axis=2) >= SAMPLES // 2)
+        ((w > 0.0).sum(axis=2) >= SAMPLES // 2)
         & (
             spread[..., 0] <= np.maximum(0.4, 0.15 * reach_px)[:, None]
         )  # noise alone scatters over a quarter of the reach
