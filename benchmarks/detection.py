@@ -15,6 +15,7 @@ import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -337,12 +338,20 @@ def opencv_default(setup: Setup, *, subpix: bool = False) -> Run:
     return run
 
 
-def apriltag_library(setup: Setup) -> Run | None:
+@cache
+def _library() -> Any:
+    """One for all tables: it crashes where it is freed. None where it is not installed."""
     try:
-        from pupil_apriltags import Detector as Library  # type: ignore[import-not-found]
+        from pupil_apriltags import Detector as Library
     except ImportError:
         return None
-    library = Library(families="tag36h11", nthreads=1, quad_decimate=2.0)
+    return Library(families="tag36h11", nthreads=1, quad_decimate=2.0)
+
+
+def apriltag_library(setup: Setup) -> Run | None:
+    library = _library()
+    if library is None:
+        return None
     layout, lens = pad_layout.from_config(setup.pad), from_config(setup.camera)
 
     def run(one: Shot) -> Result:
