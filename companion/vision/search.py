@@ -44,9 +44,15 @@ LEVELS = (Level(4, 5.0, 25), Level(2, 6.0, 40, max_side_px=64.0), Level(1, 6.0, 
 coarser ones cannot read."""
 
 
+COARSEST = Level(8, 5.0, 25)
+"""Only in pictures so large that a marker may fill them and yet be too large for the first of LEVELS."""
+
+
 def first_found(grey: Image, book: CodeBook) -> list[Found]:
     """Markers of the first level that shows any. Corners are good to about half a pixel of that level."""
-    for level in LEVELS:
+    first, *finer = LEVELS
+    is_large = min(grey.shape) > first.shrink * first.max_side_px
+    for level in (first, COARSEST, *finer) if is_large else LEVELS:
         found = at_level(grey, book, level)
         if found:
             return found

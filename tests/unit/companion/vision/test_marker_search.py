@@ -55,6 +55,15 @@ def test_the_pad_is_found_from_near_to_far(distance_m: float) -> None:
         assert np.linalg.norm(marker.corners[0] - top_left[:2] / top_left[2]) < 4.0
 
 
+def test_a_marker_that_fills_a_large_picture_is_found() -> None:
+    """Of 690 px, more than a quarter of the size of the picture shows of a marker."""
+    K = scenes.camera_matrix(1050.0, 959.5, 539.5)
+    texture = scenes.pad_texture(1.5, cv2.aruco.DICT_4X4_50, ((45, 1.2, (0.0, 0.0)),))
+    R, p = scenes.looking_down(0.3), np.array([0.0, 0.0, 1.82])
+    image = scenes.picture(texture, R, p, K, width=1920, height=1080, rng=np.random.default_rng(1))
+    assert [marker.marker_id for marker in search.first_found(image, pad_book())] == [45]
+
+
 def test_a_marker_of_fourteen_pixels_is_found_in_every_frame() -> None:
     """0.4 m from 12 m with f = 420 px. The rate over hundreds of frames: benchmarks/detection.py."""
     texture = scenes.pad_texture(0.8, cv2.aruco.DICT_4X4_50, ((45, 0.4, (0.0, 0.0)),))
