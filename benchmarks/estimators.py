@@ -258,6 +258,47 @@ def blind_error_m(path: Path2, seed: int, *, beacon: bool, see_s: float = 6.0, b
     return math.hypot(estimate.position_ned_m[0] - x, estimate.position_ned_m[1] - y)
 
 
+def slowed(path: Path2, factor: float) -> Path2:
+    """The same way at a fraction of the speed."""
+
+    def at(t: float) -> tuple[float, float, float, float, float]:
+        x, y, vx, vy, yaw = path(factor * t)
+        return x, y, factor * vx, factor * vy, yaw
+
+    return at
+
+
+def late_error_m(path: Path2, seed: int, spread_s: float) -> float:
+    """RMS error of the pad now, asked at 50 Hz from 4 s to 12 s, when each sight comes by a drawn time late, up to `spread_s`."""
+    start_s, rng = 0.73 * seed, np.random.default_rng(seed + 30_000)
+    events = [(m.t_ns + round(1e9 * rng.uniform(0.0, spread_s)), m) for m in sights(path, seed, 360, start_s=start_s)]
+    events.sort(key=lambda event: event[0])
+    estimator, squares, waiting = ESTIMATORS["imm"](Estimation()), [], iter(events)
+    due = next(waiting, None)
+    for k in range(600):
+        t = start_s + 0.02 * k
+        while due is not None and due[0] <= round(t * 1e9):
+            estimator.observe(due[1])
+            due = next(waiting, None)
+        estimate = estimator.estimate(round(t * 1e9))
+        if k >= 200 and estimate is not None:
+            x, y, *_ = path(t)
+            squares.append((estimate.position_ned_m[0] - x) ** 2 + (estimate.position_ned_m[1] - y) ** 2)
+    return math.sqrt(float(np.mean(squares)))
+
+
+def delay_rows(runs: int) -> list[tuple[str, float, float, float]]:
+    rows = []
+    for name in ("line", "circle r = 20 m", "figure-8 60 x 24 m"):
+        for speed_m_s in (2.0, SPEED_M_S):
+            path = slowed(PATHS[name], speed_m_s / SPEED_M_S)
+            prompt, late = (
+                float(np.mean([late_error_m(path, seed, spread_s) for seed in range(runs)])) for spread_s in (0.0, 0.5)
+            )
+            rows.append((name, speed_m_s, prompt, late))
+    return rows
+
+
 def accuracy_rows(runs: int) -> list[tuple[str, str, float, float]]:
     rows = []
     for name, path in PATHS.items():
@@ -282,6 +323,11 @@ def main() -> None:
     print("| path | what remains | median m | p95 m |\n| --- | --- | ---: | ---: |")
     for name, rest, p50, p95 in accuracy:
         print(f"| {name} | {rest} | {p50:.2f} | {p95:.2f} |")
+    few = min(arguments.runs, 10)
+    print(f"\nsights that come uniformly 0 to 500 ms late, {few} runs each\n")
+    print("| path | m/s | prompt: rms m | late: rms m |\n| --- | ---: | ---: | ---: |")
+    for name, speed_m_s, prompt, late in delay_rows(few):
+        print(f"| {name} | {speed_m_s:g} | {prompt:.3f} | {late:.3f} |", flush=True)
     if arguments.json is not None:
         arguments.json.write_text(json.dumps({"cost": costs, "blind": accuracy}, indent=1))
 
