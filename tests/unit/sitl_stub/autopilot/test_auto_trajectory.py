@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import exp
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -79,3 +81,16 @@ def test_all_axes_of_a_point_arrive_together() -> None:
         point.advance((0.06, 0.0), 0.0, 1.5, (point.x.position_m, 0.0, 0.0), LIMITS, VERTICAL, 0.008)
         speeds.append(point.x.velocity_m_s)
     assert max(speeds[:25]) > 0.07
+
+
+def test_a_point_closes_in_on_its_target_from_one_side_as_logged() -> None:
+    """By 0.69 of the distance a second near it (the log's fit; jerk / 2 acceleration is 0.67); its sign says who is behind."""
+    point = SmoothedPoint()
+    point.start((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    left = []
+    for _ in range(1250):
+        here = (point.x.position_m, point.y.position_m, point.z.position_m)
+        point.advance((0.05, 0.0), 0.0, None, here, LIMITS, VERTICAL, 0.008)
+        left.append(0.05 - point.x.position_m)
+    assert min(left) >= 0.0
+    assert left[500] / left[625] == pytest.approx(exp(2.0 / 3.0), rel=0.05)
