@@ -10,7 +10,6 @@ from companion.campaign.campaign_file import Sample
 from companion.campaign.runner import Sink, fly
 from companion.campaign.summary import summary
 from companion.config import load_with
-from companion.uncollected import uncollected
 from sitl_stub.scenario import load as load_scenario
 from sitl_stub.scenario import with_overrides
 
@@ -23,7 +22,6 @@ def fly_sample(sample: Sample, sinks: tuple[Sink, ...] = ()) -> dict[str, Any]:
     scenario = with_overrides(load_scenario(sample.scenario), sample.world)
     config = load_with([Path(preset) for preset in sample.presets], sample.app)
     started = time.perf_counter()
-    with uncollected():
-        result = fly(scenario, config, seed=sample.seed, sinks=sinks)
+    result = fly(scenario, config, seed=sample.seed, sinks=sinks)
     figures = summary(result, scenario=sample.scenario, seed=sample.seed, wall_s=time.perf_counter() - started)
     return {"sample": sample.index, "cell": sample.cell, **figures}
