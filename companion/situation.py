@@ -11,7 +11,7 @@ from typing import Protocol
 
 from companion.config import Config
 from companion.estimation import DeckMotion, PadMotion, VehiclePose
-from companion.geometry import horizontal_norm, rotate, subtract
+from companion.geometry import dot, horizontal_norm, quaternion_from_euler, rotate, subtract
 from companion.messages import (
     CommandKind,
     CommandResult,
@@ -211,6 +211,7 @@ class Situation:
             thrust_normalized=thrust,
             pad_speed_m_s=0.0 if pad is None else horizontal_norm(pad.velocity_ned_m_s),
             pad_velocity_sigma_m_s=0.0 if pad is None else pad.velocity_sigma_m_s,
+            lean_rad=None if pose is None else _lean_rad(pose, pad),
         )
         self._evidence = self._touchdown.update(signs, dt_s=dt_s)
 
@@ -233,6 +234,14 @@ def tilt_rad(pose: VehiclePose) -> float:
     """Angle between body down and true down."""
     down = rotate(pose.q_ned_frd, (0.0, 0.0, 1.0))
     return math.acos(max(-1.0, min(1.0, down[2])))
+
+
+def _lean_rad(pose: VehiclePose, pad: PadEstimate | None) -> float:
+    """Angle between the vehicle's down and the deck's; the deck is level where nothing is known of it."""
+    down = rotate(pose.q_ned_frd, (0.0, 0.0, 1.0))
+    roll, pitch, yaw = (0.0, 0.0, 0.0) if pad is None else (pad.roll_rad, pad.pitch_rad, pad.yaw_rad)
+    deck = rotate(quaternion_from_euler(roll, pitch, yaw), (0.0, 0.0, 1.0))
+    return math.acos(max(-1.0, min(1.0, dot(down, deck))))
 
 
 def _away(position_m: Vec3, home_m: Vec3) -> float:

@@ -1,7 +1,7 @@
 """Does the vehicle stand on the pad? Evidence for and against, gathered every tick.
 
 PX4's own land detector looks at absolute velocity and so never reports a landing on a deck that moves faster than
-LNDMC_XY_VEL_MAX; its landed state after a forced disarm is always ON_GROUND and proves nothing. So four independent signs
+LNDMC_XY_VEL_MAX; its landed state after a forced disarm is always ON_GROUND and proves nothing. So five independent signs
 are asked for, and all must hold together for `touchdown_time_s` while a descent is being commanded:
 
   height     the feet are at the deck (range sensor where it sees the deck, else the estimate)
@@ -9,10 +9,12 @@ are asked for, and all must hold together for `touchdown_time_s` while a descent
   thrust     the autopilot has let the collective thrust fall well below what hovering takes
   carried    no horizontal motion against the pad, as far as the pad's motion is known: out of view of the last half metre a
              pad that turns is soon not where the estimate says, and the estimate says by how much it may be wrong
+  level      the vehicle stands as the deck does: on one foot and leaning it still needs its motors, to come down on the others
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from companion.config import Mission
@@ -31,6 +33,9 @@ CARRIED_M_S = 0.5
 CARRIED_SIGMAS, CARRIED_PART = 2.0, 0.5
 """Faster than CARRIED_M_S counts as carried where the pad's velocity is that uncertain, but never at more than this part of
 the pad's own speed: a vehicle that stands on the ground while the pad drives on is not carried."""
+
+LEVEL_RAD = math.radians(15.0)
+"""Against the deck, as far as its tilt is known: more than legs that flex and a tilt badly seen explain."""
 
 HELD_UP, SUSPECTED_AFTER_S = 0.4, 0.06
 """Sinks less than this part of what is commanded: something carries. Enough to press on, not to stop motors."""
@@ -63,6 +68,8 @@ class TouchdownSigns:
     relative_speed_m_s: float | None
     commanded_sink_m_s: float
     thrust_normalized: float | None
+    lean_rad: float | None
+    """Of the vehicle against the deck."""
     pad_speed_m_s: float = 0.0
     pad_velocity_sigma_m_s: float = 0.0
 
@@ -95,10 +102,11 @@ class TouchdownDetector:
         still = sinking is not None and abs(sinking) < STILL_VERTICAL_M_S
         carried = signs.relative_speed_m_s is not None and signs.relative_speed_m_s < signs.carried_within_m_s
         light = self._is_light(signs.thrust_normalized)
+        level = signs.lean_rad is not None and signs.lean_rad < LEVEL_RAD
         pressing = signs.commanded_sink_m_s > 0.0
         held_up = sinking is not None and sinking < HELD_UP * signs.commanded_sink_m_s
         self._held_up_for_s = self._held_up_for_s + dt_s if at_deck and held_up and pressing else 0.0
-        proven = at_deck and still and carried and light and pressing
+        proven = at_deck and still and carried and light and level and pressing
         self._proven_for_s = self._proven_for_s + dt_s if proven else 0.0
         return TouchdownEvidence(
             suspected=self._held_up_for_s >= SUSPECTED_AFTER_S,
@@ -128,4 +136,5 @@ class TouchdownDetector:
             f"sink rate {s.sink_rate_m_s or 0.0:.2f} m/s while {s.commanded_sink_m_s:.2f} m/s is commanded",
             f"thrust {s.thrust_normalized or 0.0:.2f} < {LIGHT_THRUST:.2f} x hover {self._hover_thrust or 0.0:.2f}",
             f"relative speed {s.relative_speed_m_s or 0.0:.2f} m/s < {s.carried_within_m_s:.2f} m/s",
+            f"leans {math.degrees(s.lean_rad or 0.0):.0f} < {math.degrees(LEVEL_RAD):.0f} degrees against the deck",
         )

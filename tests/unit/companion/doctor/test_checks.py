@@ -207,8 +207,11 @@ def test_doctor_on_the_simulator_finds_the_vehicle_the_camera_and_a_speed_limit_
     assert found["home", "home known"] == "pass"
 
 
+ASKED = ("MPC_XY_VEL_MAX", "COM_OBL_RC_ACT")
+
+
 def _doctor(app: int, camera: int) -> dict:
-    """Asked again while the simulator is still starting: its link, or its camera, which a busy machine makes wait longer."""
+    """Asked again while the simulator is still starting: its link, its camera, or parameters that a busy machine lost."""
     for _ in range(8):
         ended = subprocess.run(
             [sys.executable, "-m", "companion", "doctor", "--json", "--seconds", "3", "--pad-speed", "12"]
@@ -223,7 +226,8 @@ def _doctor(app: int, camera: int) -> dict:
         assert ended.returncode == told["status"]
         texts = [finding["text"] for finding in told["findings"]]
         is_heard = not any("nothing heard" in text or "cannot connect" in text for text in texts)
-        if is_heard and any("calibrated for" in text for text in texts):
+        has_parameters = all(any(text.startswith(f"{name} =") for text in texts) for name in ASKED)
+        if is_heard and has_parameters and any("calibrated for" in text for text in texts):
             break
     return dict(told)
 

@@ -17,6 +17,7 @@ ON_DECK = TouchdownSigns(
     relative_speed_m_s=0.1,
     commanded_sink_m_s=0.6,
     thrust_normalized=0.2,
+    lean_rad=0.1,
 )
 
 
@@ -31,7 +32,7 @@ def weighed(signs: TouchdownSigns, seconds: float = 1.0) -> TouchdownEvidence:
 def test_all_signs_together_prove_it_after_their_time() -> None:
     evidence = weighed(ON_DECK)
     assert evidence.proven_for_s == pytest.approx(1.0)
-    assert len(evidence.signs) == 4
+    assert len(evidence.signs) == 5
 
 
 @pytest.mark.parametrize(
@@ -48,6 +49,8 @@ def test_all_signs_together_prove_it_after_their_time() -> None:
         {"commanded_sink_m_s": 0.0},
         {"thrust_normalized": 0.48},
         {"thrust_normalized": None},
+        {"lean_rad": 0.35},
+        {"lean_rad": None},
     ],
     ids=str,
 )
