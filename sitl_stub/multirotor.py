@@ -115,9 +115,9 @@ def body_of(airframe: Airframe) -> Body:
 
 @used_by_kernels
 def advance(
-    s: tuple[float, ...], body: Body, command: Motors, health: Motors, loads: Loads, dt: float
+    s: tuple[float, ...], body: tuple[float, ...], command: Motors, health: Motors, loads: tuple[float, ...], dt: float
 ) -> tuple[tuple[float, ...], Vec3]:
-    """One step from a BodyState or its plain numbers (faster in a kernel); returns the new state's numbers and the acceleration in W that acted during it (gravity included).
+    """One step from a BodyState, Body and Loads or their plain numbers (faster in a kernel); returns the new state's numbers and the acceleration in W that acted during it (gravity included).
 
     `command` are the motor commands 0..1, `health` the part of its thrust that each rotor still gives.
     """

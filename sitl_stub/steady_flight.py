@@ -25,7 +25,7 @@ from sitl_stub.autopilot.steady_control import STEP_S, Asked, LoopConstants, con
 from sitl_stub.compiled import COMPILED, compiled, room, used_by_kernels
 from sitl_stub.datagram_faults import Datagram
 from sitl_stub.message_burst import MessageBurst
-from sitl_stub.multirotor import Body, BodyState, Loads, Motors, Multirotor, advance, truth_of
+from sitl_stub.multirotor import Body, BodyState, Motors, Multirotor, advance, truth_of
 from sitl_stub.rotation import Vec3
 
 STEP_US = 4000
@@ -193,16 +193,16 @@ def fly_steadily(
     c, asked = _constants_of(constants), _asked_of(wanted)
     state = _state_of(b)
     acceleration = (b[17], b[18], b[19])
-    loads = Loads(wind[0], wind[1], wind[2], 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    loads = (wind[0], wind[1], wind[2], 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     rows_b, rows_e, rows_k = rows
-    body, health, model, loops = c.body, c.health, c.model, c.loops
+    body, health, model, loops, limits = c
     done, waits = 0, False
     for i in range(steps):
         if i > 0 or not is_estimated:
             at = step_estimate(e, model, tape, at, state, acceleration, STEP_S, True, False)
             k[52] += 4000.0
             if k[52] >= _DECISION_PERIOD_US:
-                if i >= quiet_steps or _seems_landed(k, e, c.contact, asked):
+                if i >= quiet_steps or _seems_landed(k, e, limits, asked):
                     waits = True
                     break
                 k[52] = 0.0
@@ -390,7 +390,7 @@ class SteadyFlight:
         if since_decision_us + (done - estimates_left_out) * STEP_US >= _DECISION_PERIOD_US:
             self._take_next()
         b = _plain(self._b)
-        self._vehicle.state = BodyState(*b[:17])
+        self._vehicle.state = BodyState._make(b[:17])
         self._vehicle.acceleration_ned_m_s2 = (b[17], b[18], b[19])
         return done, waits
 
@@ -471,7 +471,7 @@ class SteadyFlight:
         autopilot, b, k = self._autopilot, _plain(row_b), _plain(row_k)
         autopilot.cascade.show_flat(k, asked)
         autopilot.drain_battery(t_us - round(k[52]))
-        truth = truth_of(BodyState(*b[:17]), (b[17], b[18], b[19]), False)
+        truth = truth_of(BodyState._make(b[:17]), (b[17], b[18], b[19]), False)
         autopilot.fill_telemetry(truth, range_m, (k[28], k[29], k[30], k[31]))
 
     def decide(self, t_us: int, range_m: float | None) -> bool:

@@ -47,7 +47,8 @@ def _error(q: Quaternion, qd: Quaternion, weight: float) -> Quaternion:
 
     The whole error is a turn about B z followed by the shortest tilt; their half angles are read off its components.
     """
-    w, x, y, z = multiply((q[0], -q[1], -q[2], -q[3]), qd)
+    w, x, y, z = q
+    w, x, y, z = multiply((w, -x, -y, -z), qd)
     if w < 0.0:
         w, x, y, z = -w, -x, -y, -z
     cosine = sqrt(w * w + z * z)
@@ -64,15 +65,15 @@ def _error(q: Quaternion, qd: Quaternion, weight: float) -> Quaternion:
 @used_by_kernels
 def control_attitude(q: Quaternion, qd: Quaternion, yaw_rate: float, gains: AttitudeGains) -> Vec3:
     """Body rates that take the vehicle from q towards qd, limited by MC_*RATE_MAX."""
-    _, ex, ey, ez = _error(q, qd, gains.yaw_weight)
-    p, t, r = 2.0 * ex * gains.roll, 2.0 * ey * gains.pitch, 2.0 * ez * gains.yaw
+    roll, pitch, yaw, yaw_weight, most_p, most_t, most_r = gains
+    _, ex, ey, ez = _error(q, qd, yaw_weight)
+    p, t, r = 2.0 * ex * roll, 2.0 * ey * pitch, 2.0 * ez * yaw
     if yaw_rate != 0.0:
         # Down, seen from B, times the commanded heading rate.
         w, x, y, z = q
         p += 2.0 * (x * z - w * y) * yaw_rate
         t += 2.0 * (y * z + w * x) * yaw_rate
         r += (w * w - x * x - y * y + z * z) * yaw_rate
-    most_p, most_t, most_r = gains.roll_rate_max, gains.pitch_rate_max, gains.yaw_rate_max
     return (
         -most_p if p < -most_p else most_p if p > most_p else p,
         -most_t if t < -most_t else most_t if t > most_t else t,

@@ -106,7 +106,7 @@ comes and goes with the pull of the random walk, without a step."""
 _ACCELERATION_NOISE_PART = 0.6
 
 
-# Places in the estimator's flat state.
+# Places in the estimator's flat state. The kernel's functions write them as numbers: a name is looked up at each use.
 _WALK = 0  # velocity forward, right, down; roll, pitch
 _RAW = 5  # slow errors: velocity north, east, down; roll, pitch; yaw; height of the ground
 _SLOW = 12
@@ -158,17 +158,18 @@ def _step_walks(e: Any, m: ErrorModel, tape: Any, at: int, dt_s: float) -> int:
     e[2] += -dt_s / t2 * e[2] + r2 * root * tape[at + 2]
     e[3] += -dt_s / t3 * e[3] + r3 * root * tape[at + 3]
     e[4] += -dt_s / t4 * e[4] + r4 * root * tape[at + 4]
-    e[_SINCE_SLOW_S] += dt_s
-    if e[_SINCE_SLOW_S] < _SLOW_PERIOD_S:
+    e[49] += dt_s
+    if e[49] < _SLOW_PERIOD_S:
         return at + 5
-    slow_s = e[_SINCE_SLOW_S]
-    e[_SINCE_SLOW_S] = 0.0
+    slow_s = e[49]
+    e[49] = 0.0
+    sigmas, times_s, smooths_s = m.slow_sigma, m.slow_time_s, m.slow_smooth_s
     for i in range(7):
-        share = slow_s / m.slow_time_s[i]
-        raw = e[_RAW + i]
-        raw += -share * raw + m.slow_sigma[i] * sqrt(2.0 * share) * tape[at + 5 + i]
-        e[_RAW + i] = raw
-        e[_SLOW + i] += slow_s / m.slow_smooth_s[i] * (raw - e[_SLOW + i])
+        share = slow_s / times_s[i]
+        raw = e[5 + i]
+        raw += -share * raw + sigmas[i] * sqrt(2.0 * share) * tape[at + 5 + i]
+        e[5 + i] = raw
+        e[12 + i] += slow_s / smooths_s[i] * (raw - e[12 + i])
     return at + 12
 
 
@@ -176,25 +177,25 @@ def _step_walks(e: Any, m: ErrorModel, tape: Any, at: int, dt_s: float) -> int:
 def _reckon(e: Any, m: ErrorModel, tape: Any, at: int, dt_s: float, aided: bool) -> int:
     """Velocity error that grows without GNSS as a random walk, and goes back quickly with it."""
     if aided:
-        e[_RECKONING], e[_RECKONING + 1] = e[_RECKONING] * (1.0 - dt_s), e[_RECKONING + 1] * (1.0 - dt_s)
+        e[25], e[26] = e[25] * (1.0 - dt_s), e[26] * (1.0 - dt_s)
         return at
     step = m.reckoning_drift * sqrt(dt_s)
-    e[_RECKONING] += step * tape[at]
-    e[_RECKONING + 1] += step * tape[at + 1]
+    e[25] += step * tape[at]
+    e[26] += step * tape[at + 1]
     return at + 2
 
 
 @used_by_kernels
 def _drift(e: Any, dt_s: float, aided: bool) -> None:
     """Position error follows the velocity error; GNSS and barometer pull it back."""
-    x, y, z = e[_POSITION_ERROR], e[_POSITION_ERROR + 1], e[_POSITION_ERROR + 2]
-    vx, vy, vz = e[_VELOCITY_ERROR], e[_VELOCITY_ERROR + 1], e[_VELOCITY_ERROR + 2]
+    x, y, z = e[22], e[23], e[24]
+    vx, vy, vz = e[19], e[20], e[21]
     pull_x, pull_y, pull_z = _POSITION_PULL_S
     rate = vz - z / pull_z
-    e[_HEIGHT_ERROR_RATE] = rate
+    e[27] = rate
     if aided:
         vx, vy = vx - x / pull_x, vy - y / pull_y
-    e[_POSITION_ERROR], e[_POSITION_ERROR + 1], e[_POSITION_ERROR + 2] = x + vx * dt_s, y + vy * dt_s, z + rate * dt_s
+    e[22], e[23], e[24] = x + vx * dt_s, y + vy * dt_s, z + rate * dt_s
 
 
 @used_by_kernels
@@ -215,21 +216,21 @@ def _step_errors(
     # Body-axis walks turned by the heading, slow errors and dead reckoning in W.
     c, s = cos(yaw_rad), sin(yaw_rad)
     forward, right = e[0], e[1]
-    part = _part_of_error(e[_PART], dt_s, resting)
-    e[_PART] = part
-    e[_VELOCITY_ERROR] = part * (c * forward - s * right + e[_SLOW] + e[_RECKONING])
-    e[_VELOCITY_ERROR + 1] = part * (s * forward + c * right + e[_SLOW + 1] + e[_RECKONING + 1])
-    e[_VELOCITY_ERROR + 2] = part * (e[2] + e[_SLOW + 2])
+    part = _part_of_error(e[71], dt_s, resting)
+    e[71] = part
+    e[19] = part * (c * forward - s * right + e[12] + e[25])
+    e[20] = part * (s * forward + c * right + e[13] + e[26])
+    e[21] = part * (e[2] + e[14])
     _drift(e, dt_s, aided)
     nx, ny, nz = m.acceleration_noise
     if nx > 0.0:
-        e[_ACCELERATION_NOISE], e[_ACCELERATION_NOISE + 1] = nx * tape[at], ny * tape[at + 1]
-        e[_ACCELERATION_NOISE + 2] = nz * tape[at + 2]
+        e[28], e[29] = nx * tape[at], ny * tape[at + 1]
+        e[30] = nz * tape[at + 2]
         at += 3
     # Roll and pitch errors turn in B, the yaw error about down in W; small angles.
-    roll, pitch = e[3] + e[_SLOW + 3], e[4] + e[_SLOW + 4]
-    w, x, y, z = from_rotation_vector(c * roll - s * pitch, s * roll + c * pitch, e[_SLOW + 5] + e[_YAW_OFFSET])
-    e[_ATTITUDE_ERROR], e[_ATTITUDE_ERROR + 1], e[_ATTITUDE_ERROR + 2], e[_ATTITUDE_ERROR + 3] = w, x, y, z
+    roll, pitch = e[3] + e[15], e[4] + e[16]
+    w, x, y, z = from_rotation_vector(c * roll - s * pitch, s * roll + c * pitch, e[17] + e[47])
+    e[31], e[32], e[33], e[34] = w, x, y, z
     return at
 
 
@@ -268,11 +269,11 @@ def step_estimate(
 ) -> int:
     """Advance errors and estimate, both in the flat state `e`, from truth; gives the place on the tape after the numbers drawn."""
     x, y, z, vx, vy, vz, qw, qx, qy, qz, p, q, r, _, _, _, _ = state
-    e[_SINCE_ERROR_US] += dt_s * 1e6
-    if e[_SINCE_ERROR_US] >= _ERROR_DUE_US:
+    e[48] += dt_s * 1e6
+    if e[48] >= _ERROR_DUE_US:
         yaw_rad = yaw_of((qw, qx, qy, qz))
-        at = _step_errors(e, m, tape, at, yaw_rad, e[_SINCE_ERROR_US] * 1e-6, aided, resting)
-        e[_SINCE_ERROR_US] = 0.0
+        at = _step_errors(e, m, tape, at, yaw_rad, e[48] * 1e-6, aided, resting)
+        e[48] = 0.0
     ax, ay, az = acceleration
     e[50], e[51], e[52] = x + e[22] + e[41], y + e[23] + e[42], z + e[24] + e[18] + e[43]
     e[53], e[54], e[55] = vx + e[19] + e[44], vy + e[20] + e[45], vz + e[21] + e[46]

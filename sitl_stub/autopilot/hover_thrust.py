@@ -71,8 +71,13 @@ def fuse(
     ratio = innovation * innovation / (gate * gate * innovation_variance)
     if ratio < 1.0:
         gain = variance * slope / innovation_variance
-        value = min(max(value + gain * innovation, max(start - reach, 0.1)), min(start + reach, 0.9))
-        variance = min(max((1.0 - gain * slope) * variance, 1e-10), 1.0)
+        value += gain * innovation
+        low, high = start - reach, start + reach
+        low, high = 0.1 if low < 0.1 else low, 0.9 if high > 0.9 else high
+        value = low if value < low else value
+        value = high if value > high else value
+        variance *= 1.0 - gain * slope
+        variance = 1e-10 if variance < 1e-10 else 1.0 if variance > 1.0 else variance
     elif abs(last_ratio) > 0.2:
         variance += 1e3 * process * dt
     # The measurement's noise is learnt from what is left of the residual without its mean.

@@ -46,6 +46,10 @@ class PositionLimits(NamedTuple):
     thrust_max: float
 
 
+Numbers = tuple[float, ...]
+"""Of one of the tuples above or below, without their names: a plain tuple is made and taken apart in a quarter of the time."""
+
+
 class Motion(NamedTuple):
     """Estimated state, or a setpoint's first nine fields: position, velocity, acceleration."""
 
@@ -128,20 +132,22 @@ def constrain_xy(x0: float, y0: float, x1: float, y1: float, limit: float) -> tu
 
 
 @used_by_kernels
-def _velocity_demand(sp: Motion, at: Motion, gains: PositionGains, limits: PositionLimits) -> Vec3:
-    """Position P plus feed-forward, limited; the part from position has priority in xy."""
-    px, py, pz = gains.position_xy * (sp.x - at.x), gains.position_xy * (sp.y - at.y), gains.position_z * (sp.z - at.z)
+def _velocity_demand(
+    px: float, py: float, pz: float, vx: float, vy: float, vz: float, speed_xy: float, climb: float, descent: float
+) -> Vec3:
+    """The part from position (P) plus feed-forward (V), limited; the part from position has priority in xy."""
     if px != px:
-        vx, vy = (sp.vx, sp.vy)
         if vx == vx:
-            vx, vy = constrain_xy(0.0, 0.0, vx, vy, limits.speed_xy)
-    elif sp.vx != sp.vx:
-        vx, vy = constrain_xy(px, py, 0.0, 0.0, limits.speed_xy)
+            vx, vy = constrain_xy(0.0, 0.0, vx, vy, speed_xy)
+    elif vx != vx:
+        vx, vy = constrain_xy(px, py, 0.0, 0.0, speed_xy)
     else:
-        vx, vy = constrain_xy(px, py, sp.vx, sp.vy, limits.speed_xy)
-    vz = sp.vz if pz != pz else pz if sp.vz != sp.vz else pz + sp.vz
+        vx, vy = constrain_xy(px, py, vx, vy, speed_xy)
+    if pz == pz:
+        vz = pz if vz != vz else pz + vz
     if vz == vz:
-        vz = min(max(vz, -limits.climb), limits.descent)
+        vz = -climb if vz < -climb else vz
+        vz = descent if descent < vz else vz
     return vx, vy, vz
 
 
@@ -179,43 +185,52 @@ def control_position(
 
 @used_by_kernels
 def demand_numbers(
-    sp: Motion,
-    at: Motion,
+    sp: Numbers,
+    at: Numbers,
     integral: Vec3,
     hover_thrust: float,
     gains: PositionGains,
-    limits: PositionLimits,
+    limits: Numbers,
     dt: float,
 ) -> tuple[float, float, float, float, float, float, float, float, float, float, float, float]:
-    """The numbers of the PositionDemand; a plain tuple is made in a quarter of the time."""
-    vx, vy, vz = _velocity_demand(sp, at, gains, limits)
-    ex, ey, ez = vx - at.vx, vy - at.vy, vz - at.vz
+    """The numbers of the PositionDemand, from those of two Motions and of the PositionLimits."""
+    sx, sy, sz, svx, svy, svz, sax, say, saz = sp
+    x, y, z, x_dot, y_dot, z_dot, x_ddot, y_ddot, z_ddot = at
+    position_xy, position_z, p_xy, i_xy, d_xy, p_z, i_z, d_z, horizontal_margin, decoupled = gains
+    speed_xy, climb, descent, tilt, thrust_min, thrust_max = limits
+    vx, vy, vz = _velocity_demand(
+        position_xy * (sx - x), position_xy * (sy - y), position_z * (sz - z), svx, svy, svz, speed_xy, climb, descent
+    )
+    ex, ey, ez = vx - x_dot, vy - y_dot, vz - z_dot
     ix, iy, iz = integral
 
     # A velocity that is not controlled leaves the acceleration feed-forward alone, and the other way round.
-    ax = gains.p_xy * ex + ix - gains.d_xy * at.ax
-    ay = gains.p_xy * ey + iy - gains.d_xy * at.ay
-    az = gains.p_z * ez + iz - gains.d_z * at.az
-    ax = sp.ax if ax != ax else ax if sp.ax != sp.ax else ax + sp.ax
-    ay = sp.ay if ay != ay else ay if sp.ay != sp.ay else ay + sp.ay
-    az = sp.az if az != az else az if sp.az != sp.az else az + sp.az
+    ax = p_xy * ex + ix - d_xy * x_ddot
+    ay = p_xy * ey + iy - d_xy * y_ddot
+    az = p_z * ez + iz - d_z * z_ddot
+    ax = sax if ax != ax else ax if sax != sax else ax + sax
+    ay = say if ay != ay else ay if say != say else ay + say
+    az = saz if az != az else az if saz != saz else az + saz
 
-    bx, by, bz = _thrust_direction(ax, ay, az, gains.decoupled, limits.tilt)
-    least = max(limits.thrust_min, _LEAST_THRUST)
+    bx, by, bz = _thrust_direction(ax, ay, az, decoupled, tilt)
+    least = thrust_min if thrust_min > _LEAST_THRUST else _LEAST_THRUST
     # A down-looking B z that is level (bz = 0) would need infinite thrust; saturation below cuts it.
     collective = (hover_thrust - az * hover_thrust / GRAVITY_M_S2) / bz if bz > 0.0 else inf
-    collective = min(max(collective, least), 1e3)
+    collective = least if collective < least else 1e3 if collective > 1e3 else collective
     tx, ty, tz = -bx * collective, -by * collective, -bz * collective
 
-    if (tz >= -least and ez >= 0.0) or (tz <= -limits.thrust_max and ez <= 0.0):
+    if (tz >= -least and ez >= 0.0) or (tz <= -thrust_max and ez <= 0.0):
         ez = 0.0
 
     # Height first, with a margin for xy; then what is left for xy.
     flat = sqrt(tx * tx + ty * ty)
-    square = limits.thrust_max * limits.thrust_max
-    reserved = min(flat, gains.horizontal_margin)
-    tz = max(tz, -sqrt(max(square - reserved * reserved, 0.0)))
-    flat_max = sqrt(max(square - tz * tz, 0.0))
+    square = thrust_max * thrust_max
+    reserved = horizontal_margin if horizontal_margin < flat else flat
+    left = square - reserved * reserved
+    tz_min = -sqrt(0.0 if left < 0.0 else left)
+    tz = tz_min if tz < tz_min else tz
+    left = square - tz * tz
+    flat_max = sqrt(0.0 if left < 0.0 else left)
     if flat > flat_max:
         tx, ty = tx / flat * flat_max, ty / flat * flat_max
 
@@ -223,12 +238,12 @@ def demand_numbers(
     scale = GRAVITY_M_S2 / hover_thrust
     px, py = tx * scale, ty * scale
     if ax * ax + ay * ay > px * px + py * py:
-        gain = 2.0 / gains.p_xy
+        gain = 2.0 / p_xy
         ex, ey = ex - gain * (ax - px), ey - gain * (ay - py)
-    ix += gains.i_xy * ex * dt if ex == ex else 0.0
-    iy += gains.i_xy * ey * dt if ey == ey else 0.0
-    iz += gains.i_z * ez * dt if ez == ez else 0.0
-    iz = min(max(iz, -GRAVITY_M_S2), GRAVITY_M_S2)
+    ix += i_xy * ex * dt if ex == ex else 0.0
+    iy += i_xy * ey * dt if ey == ey else 0.0
+    iz += i_z * ez * dt if ez == ez else 0.0
+    iz = -GRAVITY_M_S2 if iz < -GRAVITY_M_S2 else GRAVITY_M_S2 if iz > GRAVITY_M_S2 else iz
     return vx, vy, vz, ax, ay, az, tx, ty, tz, ix, iy, iz
 
 

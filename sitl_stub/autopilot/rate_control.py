@@ -80,17 +80,16 @@ def control_rates(
     dt: float,
 ) -> tuple[Vec3, tuple[float, float, float, float]]:
     """Normalised torques and the numbers of the new RateState. `saturated` holds the sign of the torque the mixer could not give, per axis."""
-    (p0, p1, p2), (d0, d1, d2), (f0, f1, f2) = gains.p, gains.d, gains.feed_forward
+    (p0, p1, p2), (g0, g1, g2), (d0, d1, d2), (f0, f1, f2), (most0, most1, most2), yaw_time_s = gains
     (s0, s1, s2), (a0, a1, a2) = demand, acceleration
     e0, e1, e2 = s0 - rates[0], s1 - rates[1], s2 - rates[2]
     i0, i1, i2, yaw_torque = state
     roll = p0 * e0 + i0 - d0 * a0 + f0 * s0
     pitch = p1 * e1 + i1 - d1 * a1 + f1 * s1
     yaw = p2 * e2 + i2 - d2 * a2 + f2 * s2
-    yaw_torque += dt / (dt + gains.yaw_torque_time_constant) * (yaw - yaw_torque)
+    yaw_torque += dt / (dt + yaw_time_s) * (yaw - yaw_torque)
     if not landed:
-        g, most = gains.i, gains.integral_max
-        i0 = _integrate(i0, e0, g[0], most[0], saturated[0], dt)
-        i1 = _integrate(i1, e1, g[1], most[1], saturated[1], dt)
-        i2 = _integrate(i2, e2, g[2], most[2], saturated[2], dt)
+        i0 = _integrate(i0, e0, g0, most0, saturated[0], dt)
+        i1 = _integrate(i1, e1, g1, most1, saturated[1], dt)
+        i2 = _integrate(i2, e2, g2, most2, saturated[2], dt)
     return (roll, pitch, yaw_torque), (i0, i1, i2, yaw_torque)

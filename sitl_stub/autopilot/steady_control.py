@@ -15,7 +15,6 @@ from sitl_stub.autopilot.mixer import mix
 from sitl_stub.autopilot.position_control import (
     Motion,
     PositionGains,
-    PositionLimits,
     attitude_from_thrust,
     demand_numbers,
 )
@@ -66,7 +65,7 @@ class Asked(NamedTuple):
 @used_by_kernels
 def control(k: Any, e: Any, c: LoopConstants, asked: Asked) -> None:
     """One step of 4 ms: rate loop, attitude loop, and every second time the position loop."""
-    torque, rate_state = control_rates(
+    torque, (k[3], k[4], k[5], k[6]) = control_rates(
         (k[3], k[4], k[5], k[6]),
         (e[64], e[65], e[66]),
         (k[0], k[1], k[2]),
@@ -76,15 +75,13 @@ def control(k: Any, e: Any, c: LoopConstants, asked: Asked) -> None:
         c.rate,
         STEP_S,
     )
-    k[3], k[4], k[5], k[6] = rate_state
     k[32], k[33], k[34] = torque
-    motors, saturated = mix(k[10], torque)
-    k[28], k[29], k[30], k[31] = motors
-    k[7], k[8], k[9] = saturated
+    (k[28], k[29], k[30], k[31]), (k[7], k[8], k[9]) = mix(k[10], torque)
     k[0], k[1], k[2] = control_attitude((e[60], e[61], e[62], e[63]), (k[11], k[12], k[13], k[14]), k[15], c.attitude)
     k[27] += _STEP_US
     if k[27] >= _POSITION_PERIOD_US:
-        dt = min(k[27] * 1e-6, 0.04)
+        dt = k[27] * 1e-6
+        dt = 0.04 if dt > 0.04 else dt
         k[27] = 0.0
         _follow_velocity(k, e, c.derivative_time_s, dt)
         _control_position(k, e, c, asked, dt)
@@ -94,7 +91,8 @@ def control(k: Any, e: Any, c: LoopConstants, asked: Asked) -> None:
 
 @used_by_kernels
 def _follow_velocity(k: Any, e: Any, time_s: float, dt: float) -> None:
-    share, keep = dt / (dt + time_s) / dt, time_s / (dt + time_s)
+    both_s = dt + time_s
+    share, keep = dt / both_s / dt, time_s / both_s
     x, y, z = e[53], e[54], e[55]
     k[24] = keep * k[24] + share * (x - k[21])
     k[25] = keep * k[25] + share * (y - k[22])
@@ -104,35 +102,33 @@ def _follow_velocity(k: Any, e: Any, time_s: float, dt: float) -> None:
 
 @used_by_kernels
 def _control_position(k: Any, e: Any, c: LoopConstants, asked: Asked, dt: float) -> None:
-    sp = asked.motion
-    vz, speed = e[55], abs(sp.vz)
-    if sp.z != sp.z and speed > 1e-6:
+    sp, yaw_rad, k[15], _, _ = asked
+    vz, speed = e[55], abs(sp[5])
+    if sp[2] != sp[2] and speed > 1e-6:
         vz += min(speed / c.land_speed, 1.0) * (e[59] - vz)
-    step = _TILT_SLEW_RAD_S * dt
-    k[20] += min(max(c.tilt - k[20], -step), step)
-    demand = demand_numbers(
+    step, tilt = _TILT_SLEW_RAD_S * dt, c.tilt - k[20]
+    k[20] += -step if tilt < -step else step if tilt > step else tilt
+    vx, vy, vz, ax, ay, az, tx, ty, tz, k[16], k[17], k[18] = demand_numbers(
         sp,
-        Motion(e[50], e[51], e[52], e[53], e[54], vz, k[24], k[25], k[26]),
+        (e[50], e[51], e[52], e[53], e[54], vz, k[24], k[25], k[26]),
         (k[16], k[17], k[18]),
         k[19],
         c.position,
-        PositionLimits(c.speed_xy, c.climb, c.descent, k[20], c.thrust_min, c.thrust_max),
+        (c.speed_xy, c.climb, c.descent, k[20], c.thrust_min, c.thrust_max),
         dt,
     )
-    vx, vy, vz, ax, ay, az, tx, ty, tz, k[16], k[17], k[18] = demand
     k[42], k[43], k[44], k[45], k[46], k[47], k[48], k[49], k[50] = vx, vy, vz, ax, ay, az, tx, ty, tz
-    k[15] = asked.yaw_rate_rad_s
-    k[51] = asked.yaw_rad if asked.yaw_rad == asked.yaw_rad else e[70]
-    attitude, k[10] = attitude_from_thrust(tx, ty, tz, k[51])
-    k[11], k[12], k[13], k[14] = attitude
+    k[51] = yaw_rad if yaw_rad == yaw_rad else e[70]
+    (k[11], k[12], k[13], k[14]), k[10] = attitude_from_thrust(tx, ty, tz, k[51])
 
 
 @used_by_kernels
 def _estimate_hover_thrust(k: Any, e: Any, c: LoopConstants, dt: float) -> None:
     before = (k[35], k[36], k[37], k[38], k[39], k[40], k[41])
-    after = fuse(before, c.hover, -e[58], -k[50], (e[53], e[54], e[55]), dt)
-    k[35], k[36], k[37], k[38], k[39], k[40], k[41] = after
-    value, is_valid = after[0], after[2]
+    value, k[36], is_valid, k[38], k[39], k[40], k[41] = fuse(
+        before, c.hover, -e[58], -k[50], (e[53], e[54], e[55]), dt
+    )
+    k[35], k[37] = value, is_valid
     if is_valid > 0.0:
         # The z integrator keeps the thrust where it is.
         az = k[47]
