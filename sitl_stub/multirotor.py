@@ -261,8 +261,8 @@ def specific_force(q_ned_frd: Quaternion, acceleration_ned_m_s2: Vec3) -> Vec3:
     )
 
 
-def truth_of(state: BodyState, acceleration_ned_m_s2: Vec3, on_surface: bool) -> VehicleTruth:
-    """The state, and what an accelerometer reads when the vehicle accelerates so."""
+def truth_of(state: tuple[float, ...], acceleration_ned_m_s2: Vec3, on_surface: bool) -> VehicleTruth:
+    """A BodyState or its plain numbers, and what an accelerometer reads when the vehicle accelerates so."""
     px, py, pz, vx, vy, vz, w, x, y, z, p, q, r, _, _, _, _ = state
     force = specific_force((w, x, y, z), acceleration_ned_m_s2)
     return VehicleTruth((px, py, pz), (vx, vy, vz), (w, x, y, z), (p, q, r), force, acceleration_ned_m_s2, on_surface)

@@ -67,8 +67,9 @@ def from_rotation_vector(x_rad: float, y_rad: float, z_rad: float) -> Quaternion
     angle = sqrt(x_rad * x_rad + y_rad * y_rad + z_rad * z_rad)
     if angle < 1e-9:
         return (1.0, 0.5 * x_rad, 0.5 * y_rad, 0.5 * z_rad)
-    scale = sin(0.5 * angle) / angle
-    return (cos(0.5 * angle), x_rad * scale, y_rad * scale, z_rad * scale)
+    half = 0.5 * angle
+    scale = sin(half) / angle
+    return (cos(half), x_rad * scale, y_rad * scale, z_rad * scale)
 
 
 def from_euler(roll_rad: float, pitch_rad: float, yaw_rad: float) -> Quaternion:
@@ -88,7 +89,9 @@ def from_euler(roll_rad: float, pitch_rad: float, yaw_rad: float) -> Quaternion:
 def roll_pitch_yaw(q: Quaternion) -> Vec3:
     """(roll, pitch, yaw), pitch clipped at +-pi/2."""
     w, x, y, z = q
-    sine = max(-1.0, min(1.0, 2.0 * (w * y - z * x)))
+    sine = 2.0 * (w * y - z * x)
+    sine = sine if sine < 1.0 else 1.0
+    sine = sine if sine > -1.0 else -1.0
     return (atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y)), asin(sine), yaw_of(q))
 
 

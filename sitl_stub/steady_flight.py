@@ -25,7 +25,7 @@ from sitl_stub.autopilot.steady_control import STEP_S, Asked, LoopConstants, con
 from sitl_stub.compiled import COMPILED, compiled, room, used_by_kernels
 from sitl_stub.datagram_faults import Datagram
 from sitl_stub.message_burst import MessageBurst
-from sitl_stub.multirotor import Body, BodyState, Motors, Multirotor, advance, truth_of
+from sitl_stub.multirotor import BodyState, Motors, Multirotor, advance, truth_of
 from sitl_stub.rotation import Vec3
 
 STEP_US = 4000
@@ -45,7 +45,8 @@ class GroundContactLimits(NamedTuple):
 class FlightConstants(NamedTuple):
     """All that stays the same while the vehicle flies steadily."""
 
-    body: Body
+    body: tuple[float, ...]
+    """Of a Body; a plain tuple is taken apart faster."""
     health: Motors
     model: ErrorModel
     loops: LoopConstants
@@ -55,9 +56,7 @@ class FlightConstants(NamedTuple):
 @used_by_kernels
 def _constants_from_flat(c: Any) -> FlightConstants:
     """The constants from their numbers one after the other: a compiled kernel takes an array faster than tuples in tuples."""
-    body = Body(
-        c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7], c[8], c[9], c[10], c[11], c[12], c[13], c[14], c[15], c[16]
-    )
+    body = (c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7], c[8], c[9], c[10], c[11], c[12], c[13], c[14], c[15], c[16])
     health = (c[17], c[18], c[19], c[20])
     model = ErrorModel(
         (c[21], c[22], c[23], c[24], c[25]),
@@ -283,7 +282,9 @@ class SteadyFlight:
         autopilot, vehicle = self._autopilot, self._vehicle
         detector = autopilot.land_detector
         limits = GroundContactLimits(*detector.contact_limits())
-        return FlightConstants(vehicle.body, vehicle.motor_health, model, autopilot.cascade.loop_constants(), limits)
+        return FlightConstants(
+            tuple(vehicle.body), vehicle.motor_health, model, autopilot.cascade.loop_constants(), limits
+        )
 
     # In and out -----------------------------------------------------------------------------------------------------
 
@@ -471,7 +472,7 @@ class SteadyFlight:
         autopilot, b, k = self._autopilot, _plain(row_b), _plain(row_k)
         autopilot.cascade.show_flat(k, asked)
         autopilot.drain_battery(t_us - round(k[52]))
-        truth = truth_of(BodyState._make(b[:17]), (b[17], b[18], b[19]), False)
+        truth = truth_of(tuple(b[:17]), (b[17], b[18], b[19]), False)
         autopilot.fill_telemetry(truth, range_m, (k[28], k[29], k[30], k[31]))
 
     def decide(self, t_us: int, range_m: float | None) -> bool:

@@ -41,7 +41,8 @@ def heading_cdeg(yaw_rad: float) -> int:
 
 @used_by_kernels
 def clip16(value: float) -> int:
-    return int(max(-32768.0, min(32767.0, value)))
+    value = value if value < 32767.0 else 32767.0
+    return int(value if value > -32768.0 else -32768.0)
 
 
 @used_by_kernels

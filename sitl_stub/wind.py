@@ -23,6 +23,8 @@ _GUST_PERIOD_S = 0.02
 _LEAST_SPEED_M_S = 2.0
 _FOOT_M = 0.3048
 _BLOCK = 1024
+_REFERENCE_LOG = log(_REFERENCE_HEIGHT_M / _ROUGHNESS_M)
+_ROOT_2, _ROOT_3 = sqrt(2.0), sqrt(3.0)
 
 Gust = tuple[float, float, float, float, float]
 """States of unit variance: along; across, two; vertical, two."""
@@ -58,7 +60,8 @@ class StillAir:
 @used_by_kernels
 def profile(height_m: float) -> float:
     """Mean wind at a height as a part of that at 6.1 m; constant below half a metre."""
-    return log(max(height_m, _LEAST_HEIGHT_M) / _ROUGHNESS_M) / log(_REFERENCE_HEIGHT_M / _ROUGHNESS_M)
+    height_m = _LEAST_HEIGHT_M if height_m < _LEAST_HEIGHT_M else height_m
+    return log(height_m / _ROUGHNESS_M) / _REFERENCE_LOG
 
 
 class SteadyWind:
@@ -135,7 +138,7 @@ def blown(gust: Gust, air: Air, drawn: Vec3, dt_s: float, height_m: float) -> tu
     u, v1, v2, w1, w2 = gust
     mean_m_s, north, east, sigma_m_s, vertical_sigma_m_s = air
     mean_m_s = mean_m_s * profile(height_m)
-    speed_m_s = max(mean_m_s, _LEAST_SPEED_M_S)
+    speed_m_s = _LEAST_SPEED_M_S if mean_m_s < _LEAST_SPEED_M_S else mean_m_s
     flat_m, vertical_m = gust_lengths_m(height_m)
     share = min(dt_s * speed_m_s / flat_m, 1.0)
     u += -share * u + sqrt(share * (2.0 - share)) * drawn[0]
@@ -160,7 +163,7 @@ def _second_order(first: float, second: float, share: float, drawn: float) -> tu
 @used_by_kernels
 def _shaped(first: float, second: float) -> float:
     """Dryden's across-wind filter (1 + sqrt3 T s) / (1 + T s)^2 in partial fractions, at unit variance."""
-    return (sqrt(3.0) * first + (1.0 - sqrt(3.0)) * second) / sqrt(2.0)
+    return (_ROOT_3 * first + (1.0 - _ROOT_3) * second) / _ROOT_2
 
 
 @used_by_kernels

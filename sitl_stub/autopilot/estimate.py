@@ -246,7 +246,8 @@ def _step_rates(e: Any, m: ErrorModel, tape: Any, at: int, p: float, q: float, r
     p0, q0, r0 = p - a1 * p1 - a2 * p2, q - a1 * q1 - a2 * q2, r - a1 * r1 - a2 * r2
     e[35], e[36], e[37], e[38], e[39], e[40] = p0, p1, q0, q1, r0, r1
     p, q, r = b0 * p0 + b1 * p1 + b2 * p2, b0 * q0 + b1 * q1 + b2 * q2, b0 * r0 + b1 * r1 + b2 * r2
-    keep = m.derivative_time_s / (dt_s + m.derivative_time_s)
+    time_s = m.derivative_time_s
+    keep = time_s / (dt_s + time_s)
     share = (1.0 - keep) / dt_s
     e[67] = keep * e[67] + share * (p - e[64])
     e[68] = keep * e[68] + share * (q - e[65])
