@@ -161,7 +161,8 @@ def shots(
     eye = camera(setup.spec, Scene(pad=setup.sim_pad, ground=setup.ground, ground_down_m=0.0))
     for k in range(count):
         rng = np.random.default_rng((seed, round(1000 * range_m), k))
-        yield shot(setup, eye, rng, range_m, **conditions)
+        one = shot(setup, eye, rng, range_m, **conditions)
+        yield replace(one, frame=replace(one.frame, sequence=k))
 
 
 def shot(

@@ -1,8 +1,9 @@
 """ArUco and AprilTag pads: one marker, a board of several, or markers nested in each other, as one landing point.
 
 With a prediction the markers' edges are looked for where they must be, and the codes are read to prove it: no search at all.
-Where a prediction is off by more than a cell, the largest marker's own picture tells the shift first.
-Where that fails, the part of the image around the prediction is searched, then the whole image. A marker that was found says
+Where a prediction is off by more than a cell, a marker's own picture tells the shift first.
+Where that fails, the part of the image around the prediction is searched, then the whole image: the latter not in every
+frame while a good prediction says that each marker is cut too far by the image's border to be read. A marker that was found says
 where the others must be. Corners come from edge fits at full resolution and all markers go into one pose.
 """
 
@@ -42,6 +43,8 @@ _ALIGNED = 0.1
 """What is left of a prediction's error after an alignment, as a fraction of the marker's side: turn, scale, whole pixels."""
 _CUT = 0.25
 """A corner may lie outside the picture by this fraction of the marker's side: its edges are still met over most of their length."""
+_CUT_SEARCHED = 10
+"""One frame in so many is searched as a whole where every marker must be cut too far."""
 _FOUND_SIGMA_PX = 1.5
 """How far the corners of a marker that was found without prediction may be off."""
 
@@ -68,10 +71,24 @@ class ArucoDetector:
         if grey.shape != (self._camera.height_px, self._camera.width_px):
             return self._not_seen(frame, f"frame is {grey.shape[1]} x {grey.shape[0]}, not as calibrated")
         if self._vision.track and hint is not None:
-            tracked = self._observation(frame, self._tracked(grey, hint), hint)
-            if isinstance(tracked, PadObservation):
-                return tracked
-        return self._observation(frame, self._completed(grey, self._acquired(grey, hint), hint), hint)
+            seen = self._observation(frame, self._tracked(grey, hint), hint)
+            if isinstance(seen, PadObservation):
+                return seen
+            where = region.predicted_region(self._layout.extent_P, self._camera, hint)
+            if where is not None:
+                seen = self._found(frame, grey, self._in_region(grey, where), hint)
+                if isinstance(seen, PadObservation) or (frame.sequence % _CUT_SEARCHED and self._is_cut(hint)):
+                    return seen
+        return self._found(frame, grey, search.first_found(grey, self._book), hint)
+
+    def _found(
+        self, frame: CameraImage, grey: Image, found: list[search.Found], hint: DetectionHint | None
+    ) -> Detection:
+        """What a search found, the first of each id, as an observation."""
+        markers: Markers = {}
+        for marker in found:
+            markers.setdefault(marker.marker_id, marker.corners)
+        return self._observation(frame, self._completed(grey, markers, hint), hint)
 
     def _observation(self, frame: CameraImage, markers: Markers, hint: DetectionHint | None) -> Detection:
         found = self._pose(markers, hint) if markers else None
@@ -87,25 +104,41 @@ class ArucoDetector:
         """The markers whose edges are met near their predicted places and whose codes prove it."""
         if hint.X_CP is None:
             return {}
-        reach = region.reach_px(hint, self._camera, max(self._layout.size_m.values()))
+        reach = self._reach_px(hint)
         ids, quads, beyond_px = self._expected(hint.X_CP)
         inside, near = beyond_px < 0.0, beyond_px < reach
         return self._proven(grey, ids[inside], quads[inside], reach) or self._proven(
-            grey, ids[near], *self._shifted(grey, ids[near], quads[near], reach)
+            grey, ids[near], *self._shifted(grey, ids[near], quads[near], beyond_px[near], reach)
         )
 
-    def _shifted(self, grey: Image, ids: Ids, quads: Array, reach_px: float) -> tuple[Array, float]:
-        """The quadrangles moved to where the largest one's marker looks right, and how far off they may still be."""
+    def _reach_px(self, hint: DetectionHint) -> float:
+        return region.reach_px(hint, self._camera, max(self._layout.size_m.values()))
+
+    def _shifted(
+        self, grey: Image, ids: Ids, quads: Array, beyond_px: Array, reach_px: float
+    ) -> tuple[Array, float | Array]:
+        """The quadrangles moved to where one's marker looks right, and how far off they may still be: the largest that the
+        border does not cut, or else the one that it cuts least."""
         if len(ids) == 0:
             return quads, 0.0
         side = _side_px(quads)
-        largest = int(side.argmax())
-        shift = alignment.shift_px(grey, quads[largest], self._pictures[int(ids[largest])], reach_px)
+        outside_px = beyond_px + _CUT * side
+        best = int(np.where(outside_px <= 0.0, side, -outside_px).argmax())
+        shift = alignment.shift_px(grey, quads[best], self._pictures[int(ids[best])], reach_px)
         if shift is None:
             return quads[:0], 0.0
-        return quads + shift, _ALIGNED * float(side[largest])
+        return quads + shift, _ALIGNED * side
 
-    def _proven(self, grey: Image, ids: Ids, quads: Array, reach_px: float) -> Markers:
+    def _is_cut(self, hint: DetectionHint) -> bool:
+        """A prediction that is good to a quarter of a marker's side puts all of them too far out of the picture to be read."""
+        if hint.X_CP is None:
+            return False
+        ids, quads, beyond_px = self._expected(hint.X_CP)
+        if len(ids) == 0 or bool((beyond_px < 0.0).any()):
+            return False
+        return self._reach_px(hint) <= _CUT * float(_side_px(quads).max())
+
+    def _proven(self, grey: Image, ids: Ids, quads: Array, reach_px: float | Array) -> Markers:
         """Those of the markers (M) that lie within reach of the corners (M, 4, 2)."""
         if len(quads) == 0:
             return {}
@@ -127,7 +160,7 @@ class ArucoDetector:
         quads = quads[seen]
         return self._ids[seen], quads, beyond_px[seen] - _CUT * _side_px(quads)
 
-    def _refined(self, grey: Image, quads: Array, reach_px: float) -> tuple[Array, npt.NDArray[np.bool_]]:
+    def _refined(self, grey: Image, quads: Array, reach_px: float | Array) -> tuple[Array, npt.NDArray[np.bool_]]:
         """Corners by their edges: from as far as the prediction may be off, less than a cell, down to the edge itself."""
         if self._vision.refine != "edges":
             kept = _subpix(grey, quads) if self._vision.refine == "subpix" else quads
@@ -144,17 +177,6 @@ class ArucoDetector:
                 break
             reach = np.maximum(_CLOSER * reach, _FINE_PX)
         return quads, good
-
-    def _acquired(self, grey: Image, hint: DetectionHint | None) -> Markers:
-        """Markers found by search: near the prediction first, then anywhere."""
-        where = (
-            region.predicted_region(self._layout.extent_P, self._camera, hint) if self._vision.track and hint else None
-        )
-        found = self._in_region(grey, where) if where is not None else []
-        best: Markers = {}
-        for marker in found or search.first_found(grey, self._book):
-            best.setdefault(marker.marker_id, marker.corners)
-        return best
 
     def _in_region(self, grey: Image, where: region.Region) -> list[search.Found]:
         part = grey[where.top : where.bottom, where.left : where.right]
