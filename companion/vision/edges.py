@@ -77,9 +77,8 @@ def edge_places(image: Image, feet: Array, outward: Array, reach_px: Array) -> t
 def _straight_places(image: Image, quads: Array, along: Array, normal: Array, reach_px: Array) -> tuple[Array, Array]:
     """`edge_places` on the straight sides of quadrangles."""
     frame = np.empty((2, len(quads), 4, 3))
-    for axis in (0, 1):
-        frame[axis, :, :, 0], frame[axis, :, :, 1] = quads[:, :, axis], along[:, :, axis]
-        frame[axis, :, :, 2] = normal[:, :, axis] * reach_px[:, None]
+    frame[..., 0], frame[..., 1] = quads.transpose(2, 0, 1), along.transpose(2, 0, 1)
+    frame[..., 2] = (normal * reach_px[:, None, None]).transpose(2, 0, 1)
     return _places(image, frame.reshape(-1, 3) @ _PICKS, (len(quads), 4, SAMPLES), reach_px)
 
 
@@ -160,6 +159,7 @@ def _meeting(normal_a: Array, offset_a: Array, normal_b: Array, offset_b: Array)
     """(M, 4, 2) move that lies `offset` along both normals; far too long where the two edges are parallel."""
     determinant = normal_a[..., 0] * normal_b[..., 1] - normal_a[..., 1] * normal_b[..., 0]
     safe = np.where(np.abs(determinant) < 1e-3, 1e-3, determinant)
-    x = (offset_a * normal_b[..., 1] - offset_b * normal_a[..., 1]) / safe
-    y = (offset_b * normal_a[..., 0] - offset_a * normal_b[..., 0]) / safe
-    return np.stack((x, y), axis=-1)
+    move = np.empty_like(normal_a)
+    move[..., 0] = (offset_a * normal_b[..., 1] - offset_b * normal_a[..., 1]) / safe
+    move[..., 1] = (offset_b * normal_a[..., 0] - offset_a * normal_b[..., 0]) / safe
+    return move

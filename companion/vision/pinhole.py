@@ -28,29 +28,31 @@ class Pinhole:
     cy_px: float
     distortion: tuple[float, ...] = ()
     coefficients: tuple[float, ...] = field(init=False, repr=False)
+    keeps_lines_straight: bool = field(init=False, repr=False)
+    _focal_px: Array = field(init=False, repr=False, compare=False)
+    _centre_px: Array = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         if len(self.distortion) not in (0, 4, 5, 8):
             raise ValueError(f"pinhole distortion has 0, 4, 5 or 8 coefficients, not {len(self.distortion)}")
         object.__setattr__(self, "coefficients", self.distortion + (0.0,) * (8 - len(self.distortion)))
+        object.__setattr__(self, "keeps_lines_straight", not any(self.distortion))
+        object.__setattr__(self, "_focal_px", np.array([self.fx_px, self.fy_px]))
+        object.__setattr__(self, "_centre_px", np.array([self.cx_px, self.cy_px]))
 
     @property
     def focal_px(self) -> float:
         return (self.fx_px + self.fy_px) / 2.0
-
-    @property
-    def keeps_lines_straight(self) -> bool:
-        return not any(self.distortion)
 
     def project(self, points_C: Array) -> Array:
         z = np.where(points_C[:, 2] > 0.0, points_C[:, 2], np.nan)
         xy = points_C[:, :2] / z[:, None]
         if not self.keeps_lines_straight:
             xy = self._distort(xy)
-        return np.asarray(xy * (self.fx_px, self.fy_px) + (self.cx_px, self.cy_px))
+        return np.asarray(xy * self._focal_px + self._centre_px)
 
     def ray(self, pixels: Array) -> Array:
-        xy = (pixels - (self.cx_px, self.cy_px)) / (self.fx_px, self.fy_px)
+        xy = (pixels - self._centre_px) / self._focal_px
         if not self.keeps_lines_straight:
             xy = self._undistort(xy)
         rays = np.ones((len(xy), 3))
@@ -65,7 +67,7 @@ class Pinhole:
         plane[:, :, 2] = xy / -z[:, None]
         if not self.keeps_lines_straight:
             plane = self._distortion_jacobian(xy) @ plane
-        return np.asarray(plane * np.array([[self.fx_px], [self.fy_px]]))
+        return np.asarray(plane * self._focal_px[:, None])
 
     def _distort(self, xy: Array) -> Array:
         _, _, p1, p2, *_ = self.coefficients

@@ -158,7 +158,10 @@ def _polished(points_P: Array, pixels: Array, camera: CameraModel, guesses: list
             break
         step = (gain @ left[:, :, None])[:, :, 0]
         p = p + step[:, :3]
-        R = np.array([cv2.Rodrigues(turn)[0] for turn in step[:, 3:]]) @ R
+        turns = np.empty_like(R)
+        for k, turn in enumerate(step[:, 3:]):
+            turns[k] = cv2.Rodrigues(turn)[0]
+        R = turns @ R
         moved = (J @ step[:, :, None])[:, :, 0]
         foretold = left - moved
     else:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import cv2
 import numpy as np
 import pytest
@@ -10,7 +12,7 @@ import scenes
 from companion import config
 from companion.geometry import Transform, matrix_from_quaternion, quaternion_from_matrix
 from companion.messages import CameraImage, PadNotSeen, PadObservation
-from companion.vision import DETECTORS, DetectionHint, pose
+from companion.vision import DETECTORS, DetectionHint, pose, search
 from companion.vision.lens import from_config
 
 K = scenes.camera_matrix()
@@ -205,3 +207,41 @@ def is_flipped(detection: object, R: np.ndarray) -> bool:
         return False
     sigma_deg = float(np.degrees(np.sqrt(np.trace(np.array(detection.rotation_covariance_rad2)))))
     return error_deg(detection, R) > max(3.0, 3.0 * sigma_deg)
+
+
+def refuse_to_search(*_: object) -> list[search.Found]:
+    raise AssertionError("searched")
+
+
+@pytest.mark.parametrize(("sequence", "found"), [(1, False), (9, False), (10, True), (20, True)])
+def test_one_frame_in_ten_is_searched_as_a_whole_where_the_marker_must_be_cut_too_far(
+    sequence: int, found: bool
+) -> None:
+    """The prediction is wrong by 1.8 m: the marker lies whole in the other half of the picture."""
+    R, p = scenes.looking_down(0.0), np.array([-0.5, 0.0, 1.5])
+    texture = scenes.pad_texture(1.5, cv2.aruco.DICT_4X4_50, ((45, 1.2, (0.0, 0.0)),))
+    frame = dataclasses.replace(seen_from(R, p, 4, texture), sequence=sequence)
+    eye = detector(pad=config.Pad(markers=(config.Marker(id=45, size_m=1.2),)))
+    assert isinstance(eye.detect(frame, hint(R, p + (1.8, 0.0, 0.0))), PadObservation) is found
+    vague = hint(R, p + (1.8, 0.0, 0.0), sigma_m=0.2)
+    assert isinstance(eye.detect(frame, vague), PadObservation)
+
+
+def test_a_whole_marker_tells_the_shift_where_a_larger_one_is_cut(monkeypatch: pytest.MonkeyPatch) -> None:
+    R, p = scenes.looking_down(0.2), np.array([0.02, 0.0, 0.8])
+    frame = seen_from(R, p, 6)
+    monkeypatch.setattr(search, "at_level", refuse_to_search)
+    observation = observed(detector().detect(frame, hint(R, p + (0.07, 0.05, 0.0))))
+    assert 7 in observation.marker_ids
+    assert error_m(observation, p) < 0.003
+
+
+def test_the_whole_picture_is_searched_where_the_markers_of_the_region_give_no_pose(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    R, p = scenes.looking_down(0.2), np.array([0.1, 0.0, 2.0])
+    eye = detector()
+    nonsense = [search.Found(45, np.array([[10.0, 10.0], [60.0, 10.0], [200.0, 10.0], [90.0, 10.0]]), 0.9)]
+    monkeypatch.setattr(eye, "_tracked", lambda grey, hint: {})
+    monkeypatch.setattr(eye, "_in_region", lambda grey, where: nonsense)
+    assert error_m(observed(eye.detect(seen_from(R, p, 7), hint(R, p))), p) < 0.007
