@@ -177,7 +177,7 @@ def test_the_forced_disarm_carries_its_evidence_and_follows_a_refused_plain_one(
     world.run(60.0)
     commands = [output for output in world.outputs if isinstance(output, VehicleCommand)]
     assert [command.kind for command in commands][-2:] == [CommandKind.DISARM, CommandKind.FORCE_DISARM]
-    assert len(commands[-1].evidence) == 4
+    assert len(commands[-1].evidence) == 5
     assert world.standing
 
 
