@@ -25,14 +25,15 @@ class OriginNumbers(NamedTuple):
 @used_by_kernels
 def to_global(origin: OriginNumbers, north_m: float, east_m: float) -> tuple[float, float]:
     """Latitude and longitude in degrees."""
+    latitude_deg, longitude_deg, _, sine, cosine = origin
     c = sqrt(north_m * north_m + east_m * east_m) / EARTH_RADIUS_M
     if c == 0.0:
-        return origin.latitude_deg, origin.longitude_deg
-    sine, cosine, sin_c, cos_c = origin.sine, origin.cosine, sin(c), cos(c)
+        return latitude_deg, longitude_deg
+    sin_c, cos_c = sin(c), cos(c)
     x, y = north_m / EARTH_RADIUS_M, east_m / EARTH_RADIUS_M
     lat = asin(cos_c * sine + x * sin_c * cosine / c)
     across = c * cosine * cos_c - x * sine * sin_c
-    lon = radians(origin.longitude_deg) + atan2(y * sin_c, across)
+    lon = radians(longitude_deg) + atan2(y * sin_c, across)
     return degrees(lat), degrees(lon)
 
 

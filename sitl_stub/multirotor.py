@@ -131,15 +131,17 @@ def advance(
     u1 = u1 + lag * (c1 - u1)
     u2 = u2 + lag * (c2 - u2)
     u3 = u3 + lag * (c3 - u3)
-    t0 = h0 * ((1.0 - c) * u0 + c * u0 * u0)
-    t1 = h1 * ((1.0 - c) * u1 + c * u1 * u1)
-    t2 = h2 * ((1.0 - c) * u2 + c * u2 * u2)
-    t3 = h3 * ((1.0 - c) * u3 + c * u3 * u3)
+    straight = 1.0 - c
+    t0 = h0 * (straight * u0 + c * u0 * u0)
+    t1 = h1 * (straight * u1 + c * u1 * u1)
+    t2 = h2 * (straight * u2 + c * u2 * u2)
+    t3 = h3 * (straight * u3 + c * u3 * u3)
 
     # R_WB and the air's velocity over the body, in B.
-    r00, r01, r02 = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)
-    r10, r11, r12 = 2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)
-    r20, r21, r22 = 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
+    xx, yy, zz, xy, xz, yz, wx, wy, wz = x * x, y * y, z * z, x * y, x * z, y * z, w * x, w * y, w * z
+    r00, r01, r02 = 1.0 - 2.0 * (yy + zz), 2.0 * (xy - wz), 2.0 * (xz + wy)
+    r10, r11, r12 = 2.0 * (xy + wz), 1.0 - 2.0 * (xx + zz), 2.0 * (yz - wx)
+    r20, r21, r22 = 2.0 * (xz - wy), 2.0 * (yz + wx), 1.0 - 2.0 * (xx + yy)
     ax, ay, az = vx - wind_x, vy - wind_y, vz - wind_z
     bx, by, bz = r00 * ax + r10 * ay + r20 * az, r01 * ax + r11 * ay + r21 * az, r02 * ax + r12 * ay + r22 * az
     speed = sqrt(bx * bx + by * by + bz * bz)

@@ -20,6 +20,7 @@ _REFERENCE_HEIGHT_M = 6.096
 _ROUGHNESS_M = 0.0457
 _LEAST_HEIGHT_M = 0.5
 _GUST_PERIOD_S = 0.02
+_GUST_DUE_S = _GUST_PERIOD_S - 1e-9
 _LEAST_SPEED_M_S = 2.0
 _FOOT_M = 0.3048
 _BLOCK = 1024
@@ -112,14 +113,14 @@ class DrydenWind:
 
     def step(self, dt_s: float, height_m: float) -> Vec3:
         self._since_s += dt_s
-        if self._since_s >= _GUST_PERIOD_S - 1e-9:
+        if self._since_s >= _GUST_DUE_S:
             self._blow(self._since_s, height_m)
             self._since_s = 0.0
         return self._now
 
     def steady_steps(self, dt_s: float) -> int:
         steps, since_s = 0, self._since_s + dt_s
-        while since_s < _GUST_PERIOD_S - 1e-9:
+        while since_s < _GUST_DUE_S:
             steps, since_s = steps + 1, since_s + dt_s
         return steps
 

@@ -65,9 +65,10 @@ def fuse(
         scale = fast_climb
     if fast_flight > scale:
         scale = fast_flight
-    slope = -GRAVITY_M_S2 * thrust_up / (value * value)
+    lift = GRAVITY_M_S2 * thrust_up
+    slope = -lift / (value * value)
     innovation_variance = slope * slope * variance + noise * scale * scale
-    innovation = acceleration_up - (GRAVITY_M_S2 * thrust_up / value - GRAVITY_M_S2)
+    innovation = acceleration_up - (lift / value - GRAVITY_M_S2)
     ratio = innovation * innovation / (gate * gate * innovation_variance)
     if ratio < 1.0:
         gain = variance * slope / innovation_variance
@@ -81,7 +82,7 @@ def fuse(
     elif abs(last_ratio) > 0.2:
         variance += 1e3 * process * dt
     # The measurement's noise is learnt from what is left of the residual without its mean.
-    left = acceleration_up - (GRAVITY_M_S2 * thrust_up / value - GRAVITY_M_S2)
+    left = acceleration_up - (lift / value - GRAVITY_M_S2)
     share = dt / (_RESIDUAL_TIME_S + dt)
     residual += share * (left - residual)
     part = ratio if ratio < 1.0 else 1.0

@@ -103,18 +103,19 @@ def _follow_velocity(k: Any, e: Any, time_s: float, dt: float) -> None:
 @used_by_kernels
 def _control_position(k: Any, e: Any, c: LoopConstants, asked: Asked, dt: float) -> None:
     sp, yaw_rad, k[15], _, _ = asked
+    _, _, gains, _, _, speed_xy, climb, descent, tilt_max, thrust_min, thrust_max, land_speed, _ = c
     vz, speed = e[55], abs(sp[5])
     if sp[2] != sp[2] and speed > 1e-6:
-        vz += min(speed / c.land_speed, 1.0) * (e[59] - vz)
-    step, tilt = _TILT_SLEW_RAD_S * dt, c.tilt - k[20]
+        vz += min(speed / land_speed, 1.0) * (e[59] - vz)
+    step, tilt = _TILT_SLEW_RAD_S * dt, tilt_max - k[20]
     k[20] += -step if tilt < -step else step if tilt > step else tilt
     vx, vy, vz, ax, ay, az, tx, ty, tz, k[16], k[17], k[18] = demand_numbers(
         sp,
         (e[50], e[51], e[52], e[53], e[54], vz, k[24], k[25], k[26]),
         (k[16], k[17], k[18]),
         k[19],
-        c.position,
-        (c.speed_xy, c.climb, c.descent, k[20], c.thrust_min, c.thrust_max),
+        gains,
+        (speed_xy, climb, descent, k[20], thrust_min, thrust_max),
         dt,
     )
     k[42], k[43], k[44], k[45], k[46], k[47], k[48], k[49], k[50] = vx, vy, vz, ax, ay, az, tx, ty, tz

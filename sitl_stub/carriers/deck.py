@@ -63,10 +63,23 @@ def interpolate(before: CarrierMotion, after: CarrierMotion, u: float) -> tuple[
     d1 = 6.0 * u * (1.0 - u) / KNOT_S
     r0 = 1.0 - u * (4.0 - 3.0 * u)
     r1 = u * (3.0 * u - 2.0)
-    rows = list(zip(before.pose, before.rate, after.pose, after.rate, strict=True))
-    pose = tuple([p0 * a + m0 * va + p1 * b + m1 * vb for a, va, b, vb in rows])
-    rate = tuple([d1 * (b - a) + r0 * va + r1 * vb for a, va, b, vb in rows])
-    return pose, rate  # type: ignore[return-value]
+    (n, e, d, a, b, c), (dn, de, dd, da, db, dc) = before
+    (n2, e2, d2, a2, b2, c2), (dn2, de2, dd2, da2, db2, dc2) = after
+    return (
+        p0 * n + m0 * dn + p1 * n2 + m1 * dn2,
+        p0 * e + m0 * de + p1 * e2 + m1 * de2,
+        p0 * d + m0 * dd + p1 * d2 + m1 * dd2,
+        p0 * a + m0 * da + p1 * a2 + m1 * da2,
+        p0 * b + m0 * db + p1 * b2 + m1 * db2,
+        p0 * c + m0 * dc + p1 * c2 + m1 * dc2,
+    ), (
+        d1 * (n2 - n) + r0 * dn + r1 * dn2,
+        d1 * (e2 - e) + r0 * de + r1 * de2,
+        d1 * (d2 - d) + r0 * dd + r1 * dd2,
+        d1 * (a2 - a) + r0 * da + r1 * da2,
+        d1 * (b2 - b) + r0 * db + r1 * db2,
+        d1 * (c2 - c) + r0 * dc + r1 * dc2,
+    )
 
 
 def deck_state(pose: Six, rate: Six) -> DeckState:

@@ -34,4 +34,6 @@ def follow(
 
 def slew(value: float, wanted: float, largest_step: float) -> float:
     """`wanted`, or as near as one step comes."""
-    return min(max(wanted, value - largest_step), value + largest_step)
+    least, most = value - largest_step, value + largest_step
+    wanted = least if wanted < least else wanted
+    return most if wanted > most else wanted

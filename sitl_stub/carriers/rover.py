@@ -70,7 +70,8 @@ class Rover:
     def _steer(self) -> None:
         s = self._settings
         reference = self._path.at(self._knot * KNOT_S)
-        settle_m = max(1.5, 4.0 * s.turn_lag_s * self._speed_m_s)
+        settle_m = 4.0 * s.turn_lag_s * self._speed_m_s
+        settle_m = settle_m if settle_m > 1.5 else 1.5
         here = (self._north_m, self._east_m, self._heading_rad)
         wanted_v, wanted_w = follow(reference, *here, lead_s=s.speed_lag_s, settle_m=settle_m)
         # A rover that is told to stand has its brakes on: no wobble.
