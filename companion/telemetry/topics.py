@@ -7,6 +7,7 @@ object: the message of messages.py field by field, units and frames in the field
 
 from __future__ import annotations
 
+import inspect
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
@@ -164,6 +165,9 @@ def payload_of(message: Any, *, unix_minus_monotonic_ns: int) -> bytes:
 def schema_of(topic: Topic) -> dict[str, Any]:
     """JSON Schema (2020-12) of the payload."""
     schema = msgspec.json.schema(topic.content)
+    for definition in schema["$defs"].values():
+        if "description" in definition:  # some versions of msgspec leave a docstring's indentation in it
+            definition["description"] = inspect.cleandoc(definition["description"])
     content = schema["$defs"][topic.content.__name__]
     if "t_ns" in content["properties"]:
         content["properties"] = {"t_unix_ns": {"type": "integer"}, **content["properties"]}
