@@ -197,7 +197,7 @@ class Pipeline:
         dt_s = 1.0 / self._config.control.rate_hz if self._last_tick_ns is None else (t_ns - self._last_tick_ns) / 1e9
         self._last_tick_ns = t_ns
         pose = self._tracker.history.at(t_ns)
-        pad = self._tracker.estimate(t_ns)
+        pad = self._tracker.estimate_now(t_ns)
         self._situation.commanded_down_m_s = None if self._setpoint is None else self._setpoint.velocity_ned_m_s[2]
         facts = self._situation.facts(t_ns, pose, self._state_ns(), pad, dt_s=dt_s)
         if self._guidance is not None:

@@ -115,14 +115,19 @@ class PadTracker:
         return self._estimator.observe(measurement)
 
     def estimate(self, t_ns: int) -> PadEstimate | None:
-        """The pad in W at `t_ns`, now or ahead."""
-        estimate = self._estimator.estimate(t_ns)
-        vehicle = self.history.latest
-        if estimate is None or vehicle is None:
-            return None
-        if t_ns <= vehicle.t_ns + RECENT_NS:
+        """The pad in W at `t_ns`, now or ahead. A pure question: whoever asks, and how often, changes nothing."""
+        return self._in_w(self._estimator.estimate(t_ns), t_ns)
+
+    def estimate_now(self, t_ns: int) -> PadEstimate | None:
+        """The same for the tick at `t_ns`; kept for judging the range readings until the next."""
+        estimate, vehicle = self._estimator.estimate(t_ns), self.history.latest
+        if estimate is not None and vehicle is not None and t_ns <= vehicle.t_ns + RECENT_NS:
             self._recent = estimate
-        return moved(estimate, *_seen_from_w(vehicle, t_ns))
+        return self._in_w(estimate, t_ns)
+
+    def _in_w(self, estimate: PadEstimate | None, t_ns: int) -> PadEstimate | None:
+        vehicle = self.history.latest
+        return None if estimate is None or vehicle is None else moved(estimate, *_seen_from_w(vehicle, t_ns))
 
     def motion(self, t_ns: int) -> PadMotion | None:
         """Where the pad is in W and how it moves at `t_ns`, most often ahead: the means of `estimate(t_ns)`."""
@@ -165,7 +170,7 @@ class PadTracker:
         return self._estimator.observe(measurement_from_range(message.t_ns, distance, vehicle))
 
     def _recent_estimate(self, t_ns: int) -> PadEstimate | None:
-        """The last one asked for, where that is not long ago: enough to know whether the vehicle is above the deck."""
+        """The last tick's, where that is not long ago: enough to know whether the vehicle is above the deck."""
         recent = self._recent
         if recent is not None and abs(t_ns - recent.t_ns) <= RECENT_NS:
             return recent

@@ -9,6 +9,7 @@ from companion.config import Camera, Estimation, Pad
 from companion.estimation import PadTracker, make_tracker
 from companion.geometry import quaternion_from_euler, quaternion_multiply
 from companion.messages import (
+    MeasurementVerdict,
     ObservationSource,
     PadBeacon,
     PadBearing,
@@ -222,3 +223,21 @@ def test_a_sight_far_ahead_of_a_silent_link_is_refused_at_once() -> None:
     verdict = flown(2.0).observe(sight(1.98 + 0.4))
     assert verdict is not None
     assert verdict.reason == "no vehicle state at that time"
+
+
+def test_a_question_changes_no_verdict() -> None:
+    """The shell asks for each frame what it should show; a replay without frames asks nothing and must decide the same."""
+
+    def judged(*, asked: bool) -> MeasurementVerdict | None:
+        result = tracker()
+        for k in range(110):
+            result.add_vehicle_state(vehicle(0.02 * k))
+            if k <= 97:
+                result.observe(PadObservation(round(0.02 * k * 1e9), "down", "test", (0.0, 0.0, 4.5), NOISE))
+            if k == 105:
+                assert result.estimate_now(round(2.1e9)) is not None
+        if asked:
+            result.estimate(round(2.25e9))
+        return result.observe(range_reading(2.18, 4.5))
+
+    assert judged(asked=True) == judged(asked=False)
