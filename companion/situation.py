@@ -29,6 +29,8 @@ from companion.mission.preflight import MAX_STATE_AGE_S
 from companion.mission.touchdown import NO_EVIDENCE, TouchdownDetector, TouchdownEvidence, TouchdownSigns
 from companion.mission.zones import Zones, inside, place_zones
 
+DOWN: Vec3 = (0.0, 0.0, 1.0)
+
 MAX_RANGE_AGE_S = 0.3
 MAX_THRUST_AGE_S = 0.5
 BRAKING_M_S2 = 4.0
@@ -232,16 +234,19 @@ class Situation:
 
 def tilt_rad(pose: VehiclePose) -> float:
     """Angle between body down and true down."""
-    down = rotate(pose.q_ned_frd, (0.0, 0.0, 1.0))
-    return math.acos(max(-1.0, min(1.0, down[2])))
+    return _off_rad(pose, DOWN)
 
 
 def _lean_rad(pose: VehiclePose, pad: PadEstimate | None) -> float:
-    """Angle between the vehicle's down and the deck's; the deck is level where nothing is known of it."""
-    down = rotate(pose.q_ned_frd, (0.0, 0.0, 1.0))
-    roll, pitch, yaw = (0.0, 0.0, 0.0) if pad is None else (pad.roll_rad, pad.pitch_rad, pad.yaw_rad)
-    deck = rotate(quaternion_from_euler(roll, pitch, yaw), (0.0, 0.0, 1.0))
-    return math.acos(max(-1.0, min(1.0, dot(down, deck))))
+    """Angle between body down and the deck's; the deck is level where nothing is known of it."""
+    if pad is None:
+        return tilt_rad(pose)
+    return _off_rad(pose, rotate(quaternion_from_euler(pad.roll_rad, pad.pitch_rad, pad.yaw_rad), DOWN))
+
+
+def _off_rad(pose: VehiclePose, direction_ned: Vec3) -> float:
+    """Angle between body down and a unit vector."""
+    return math.acos(max(-1.0, min(1.0, dot(rotate(pose.q_ned_frd, DOWN), direction_ned))))
 
 
 def _away(position_m: Vec3, home_m: Vec3) -> float:

@@ -62,6 +62,17 @@ class MotionModel(Protocol):
     def motion(self, x: Vector) -> Motion: ...
 
 
+def in_steps(dt_s: float, longest_s: float) -> tuple[float, ...]:
+    """`dt_s` in steps of at most `longest_s`, for models whose step is exact only over a short time."""
+    if dt_s <= longest_s:
+        return (dt_s,)  # nearly always
+    steps = []
+    while dt_s > longest_s:
+        steps.append(longest_s)
+        dt_s -= longest_s
+    return (*steps, dt_s)
+
+
 @dataclass(frozen=True, slots=True)
 class BeaconBias:
     """First-order Gauss-Markov: `sigma_m` stationary, correlated over `time_s`. Every model predicts it the same way."""

@@ -12,6 +12,7 @@ import math
 from dataclasses import dataclass
 
 from companion.estimation.kalman import Vector, transform_covariance, update_scalar
+from companion.estimation.motion import in_steps
 
 MEAN, SWING, RATE, W = range(4)
 ROWS, COLUMNS = (SWING, SWING, RATE, RATE, RATE, SWING), (SWING, RATE, SWING, RATE, W, W)
@@ -39,17 +40,13 @@ class Oscillator:
         return [value, 0.0, 0.0, w], P
 
     def predict(self, x: Vector, P: Vector, dt_s: float) -> None:
-        while dt_s > MAX_STEP_S:
-            self._step(x, P, MAX_STEP_S)
-            dt_s -= MAX_STEP_S
-        self._step(x, P, dt_s)
+        for step_s in in_steps(dt_s, MAX_STEP_S):
+            self._step(x, P, step_s)
 
     def move(self, x: Vector, dt_s: float) -> None:
         """The mean alone, to the same bits."""
-        while dt_s > MAX_STEP_S:
-            self._moved(x, MAX_STEP_S)
-            dt_s -= MAX_STEP_S
-        self._moved(x, dt_s)
+        for step_s in in_steps(dt_s, MAX_STEP_S):
+            self._moved(x, step_s)
 
     def _step(self, x: Vector, P: Vector, dt: float) -> None:
         values = self._moved(x, dt)

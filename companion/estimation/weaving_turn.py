@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from companion.estimation.constant_velocity import velocity_noise, velocity_noise_at
 from companion.estimation.kalman import Covariance, Step, Vector, predict_covariance
-from companion.estimation.motion import DEFAULT_BIAS, FADING, SHARED, VX, VY, BeaconBias, Motion, X, Y
+from companion.estimation.motion import DEFAULT_BIAS, FADING, SHARED, VX, VY, BeaconBias, Motion, X, Y, in_steps
 from companion.estimation.turn import ARC_ENTRIES, Arc, arc, arc_acceleration, arc_entries
 
 TURN, CHANGE, ALONG, YAW = range(SHARED, SHARED + 4)
@@ -52,16 +52,12 @@ class WeavingTurn:
         return (0.0, 0.0, 0.0, 0.0), (0.25, 0.1, self.along_sigma_m_s2**2, 10.0)
 
     def predict(self, x: Vector, P: Covariance, dt_s: float) -> None:
-        while dt_s > MAX_STEP_S:
-            self._step(x, P, MAX_STEP_S)
-            dt_s -= MAX_STEP_S
-        self._step(x, P, dt_s)
+        for step_s in in_steps(dt_s, MAX_STEP_S):
+            self._step(x, P, step_s)
 
     def move(self, x: Vector, dt_s: float) -> None:
-        while dt_s > MAX_STEP_S:
-            self._moved(x, MAX_STEP_S)
-            dt_s -= MAX_STEP_S
-        self._moved(x, dt_s)
+        for step_s in in_steps(dt_s, MAX_STEP_S):
+            self._moved(x, step_s)
 
     def _step(self, x: Vector, P: Covariance, dt_s: float) -> None:
         fade, moved = self._moved(x, dt_s)

@@ -113,7 +113,6 @@ class PeerClock:
         predicted_ns = self._predicted_ns(boot_ns)
         p_offset, p_cross, p_rate = self._predicted_covariance(abs(dt_s))
         innovation_s = (companion_ns - predicted_ns) * 1e-9
-        variance = p_offset + sigma_s**2
         if dt_s <= 0.0 or abs(innovation_s) > JUMP_S + sigma_s:
             self._reject()
             return False
@@ -121,7 +120,7 @@ class PeerClock:
         if abs(innovation_s) > GATE_SIGMA * math.sqrt(p_offset) + 0.5 * round_trip_s:
             self._walk = RATE_WALK_PER_SQRT_S
             p_offset, p_cross, p_rate = _pace_changed(p_offset, p_cross, p_rate, innovation_s, dt_s)
-            variance = p_offset + sigma_s**2
+        variance = p_offset + sigma_s**2
         k_offset, k_rate = p_offset / variance, p_cross / variance
         self._boot_ns = boot_ns
         self._companion_ns = predicted_ns + round(k_offset * innovation_s * 1e9)
