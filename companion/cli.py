@@ -134,7 +134,9 @@ def campaign(
     seeds: Annotated[
         int | None, typer.Option(min=1, help="Only the first so many seeds of each combination, for a quick look.")
     ] = None,
-    runs: Annotated[Path, typer.Option(help="Where `rerun` makes its run folder.")] = Path("runs"),
+    runs: Annotated[
+        Path | None, typer.Option(help="Where `rerun` makes its run folder; default: beside the campaign's results.")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="End with one line of JSON.")] = False,
 ) -> None:
     """Hundreds of seeded landings: scenario x parameters x seeds. Goes on where it was interrupted."""
@@ -145,7 +147,7 @@ def campaign(
         if file == "rerun":
             if again is None or sample is None:
                 _fail("campaign rerun needs a campaign file and --sample N")
-            figures = rerun(again, sample, runs, console, out)
+            figures = rerun(again, sample, console, out=out, runs=runs)
             _print_result(figures, as_json, console)
             return
         figures = run_campaign(Path(file), out=out, workers=workers, scheduler=scheduler, console=console, seeds=seeds)

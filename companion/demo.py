@@ -13,13 +13,12 @@ from typing import Any
 from rich.console import Console
 from rich.live import Live
 
-from companion.campaign.flight_sinks import McapSink, ReportSink, TlogSink, ViewSink
+from companion.campaign.flight_sinks import ViewSink
+from companion.campaign.recorded_flight import RecordedFlight
 from companion.campaign.runner import Flight, Sink
-from companion.campaign.summary import summary, summary_line
+from companion.campaign.summary import summary
 from companion.config import Config
-from companion.io.run_folder import RunFolder, versions
 from companion.telemetry.live_view import LiveView
-from companion.telemetry.report import picture, report_html
 from sitl_stub.scenario import Scenario
 
 REDRAW_HZ = 8.0
@@ -40,14 +39,9 @@ def fly_demo(scenario: Scenario, config: Config, options: DemoOptions, console: 
     """Fly, show, record, sum up; the figures as in run.json."""
     title = f"companion demo {options.scenario_name}, seed {options.seed} (simulated)"
     view = LiveView(title)
-    folder = RunFolder(options.runs, f"{options.scenario_name}-{options.seed}") if options.keep else None
-    report = ReportSink()
-    sinks: list[Sink] = [report]
-    if folder is not None:
-        folder.write_config(config)
-        sinks.append(TlogSink(folder.tlog))
-        about = {"scenario": options.scenario_name, "seed": str(options.seed), "simulated": "true"}
-        sinks.append(McapSink(folder.mcap, config, about))
+    name, about = options.scenario_name, {"scenario": options.scenario_name, "seed": str(options.seed)}
+    recorded = RecordedFlight(options.runs, f"{name}-{options.seed}", config, about) if options.keep else None
+    sinks: list[Sink] = list(recorded.sinks) if recorded is not None else []
     if options.show:
         sinks.append(ViewSink(view))
     prepared = time.monotonic()
@@ -61,14 +55,9 @@ def fly_demo(scenario: Scenario, config: Config, options: DemoOptions, console: 
 
         result = flight.run(on_turn)
     wall_s = time.monotonic() - started
-    figures = summary(result, scenario=options.scenario_name, seed=options.seed, wall_s=wall_s)
+    figures = summary(result, scenario=name, seed=options.seed, wall_s=wall_s)
     figures["setup_s"] = round(started - prepared, 3)
-    if folder is not None:
-        figures["run"] = str(folder.path)
-        folder.write_run(figures)
-        page = report_html(report.record, {**figures, **versions()}, title=title, line=summary_line(figures))
-        folder.write_pages(page, picture(report.record))
-    return figures
+    return recorded.finish(figures, title=title) if recorded is not None else figures
 
 
 @contextmanager

@@ -291,6 +291,8 @@ def with_overrides(scenario: Scenario, overrides: Mapping[str, Any], origin: str
         *parents, last = dotted.split(".")
         for key in parents:
             table = table.setdefault(key, {})
+            if not isinstance(table, dict):
+                raise ScenarioError(f"{origin}: {dotted} = {value!r}: {key!r} holds no keys")
         table[last] = value
     return from_table(data, origin)
 

@@ -39,12 +39,14 @@ from sitl_stub.scenario import read as read_scenario
 APP_PREFIX = "app:"
 VARIANT = "variant"
 WORLD = "world"
+NAME = "^[A-Za-z0-9][A-Za-z0-9._-]*$"
+"""It names a folder."""
 
 
 class Campaign(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """What is flown. `axes` values may be anything that the key takes."""
 
-    name: str
+    name: Annotated[str, Meta(pattern=NAME)]
     scenarios: tuple[str, ...]
     seeds: Annotated[int, Meta(ge=1, le=1_000_000)] = 100
     first_seed: Annotated[int, Meta(ge=0)] = 1
@@ -82,13 +84,30 @@ def load_campaign(path: Path) -> Campaign:
     except msgspec.ValidationError as error:
         known = ", ".join(field.name for field in msgspec.structs.fields(Campaign))
         raise ConfigError(f"{path}: {error}; keys of a campaign: {known}") from error
-    if not campaign.scenarios:
-        raise ConfigError(f"{path}: scenarios = []: at least one scenario is needed")
+    if problem := _problem(campaign):
+        raise ConfigError(f"{path}: {problem}")
     return msgspec.structs.replace(
         campaign,
         presets=_resolved(path, campaign.presets),
         variants={name: _resolved(path, files) for name, files in campaign.variants.items()},
     )
+
+
+def _problem(campaign: Campaign) -> str:
+    """What would make samples that cannot be told apart, or none; empty where nothing does."""
+    if not campaign.scenarios:
+        return "scenarios = []: at least one scenario is needed"
+    for axis in (VARIANT, WORLD):
+        if axis in campaign.axes:
+            return f"axes: {axis!r} is no key of a scenario; named ones stand in [{axis}s]"
+    for key, values in {"scenarios": campaign.scenarios, **campaign.axes}.items():
+        if not values:
+            return f"axes: {key} = []: at least one value is needed"
+        texts = [str(value) for value in values]
+        twice = next((text for text in texts if texts.count(text) > 1), None)
+        if twice is not None:
+            return f"{key}: {twice} stands there twice"
+    return ""
 
 
 def _resolved(campaign_file: Path, names: Sequence[str]) -> tuple[str, ...]:
@@ -128,6 +147,11 @@ def samples(campaign: Campaign, seeds: int | None = None) -> Iterator[Sample]:
                 {**campaign.world, **world, **named_world},
             )
         index += campaign.seeds
+
+
+def cells(campaign: Campaign) -> Iterator[Sample]:
+    """The first sample of each combination: enough to see whether all keys and values are known."""
+    return samples(campaign, 1)
 
 
 def fingerprint(campaign: Campaign) -> str:

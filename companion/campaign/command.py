@@ -11,9 +11,9 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
-from companion.campaign.campaign_file import Campaign, Sample, fingerprint, load_campaign, samples
+from companion.campaign.campaign_file import Campaign, Sample, cells, fingerprint, load_campaign, samples
 from companion.campaign.engine import Row, default_workers, fly_all
-from companion.campaign.fly_sample import fly_sample
+from companion.campaign.fly_sample import fly_sample, prepared
 from companion.campaign.report import campaign_report
 from companion.campaign.results_file import ResultsFile, stored_rows
 from companion.campaign.statistics import CellStatistics, cell_statistics
@@ -35,6 +35,7 @@ def run_campaign(
     `seeds` flies only the first so many of each combination; a later call without it flies the others.
     """
     campaign = load_campaign(path)
+    check_cells(campaign, path)
     folder = out or results_folder(campaign)
     results = ResultsFile(folder / "samples.jsonl", fingerprint(campaign))
     wanted = list(samples(campaign, seeds))
@@ -44,17 +45,39 @@ def run_campaign(
         _fly(todo, results, workers=workers or default_workers(), scheduler=scheduler, console=console)
     finally:
         results.close()
-    cells = statistics_of(campaign, results.rows)
-    report = folder / "report.html"
-    report.write_text(campaign_report(campaign, path, results.rows, cells), encoding="utf-8")
-    console.print(table(campaign.name, cells))
-    console.print(f"report: {report}")
+        report = write_report(campaign, path, folder, results.rows)
+        by_cell = statistics_of(campaign, results.rows)
+        console.print(table(campaign.name, by_cell))
+        console.print(f"report: {report}")
     return {
         "campaign": campaign.name,
         "results": str(folder),
         "report": str(report),
-        "cells": [asdict(cell) for cell in cells],
+        "cells": [asdict(cell) for cell in by_cell],
     }
+
+
+def check_cells(campaign: Campaign, path: Path) -> None:
+    """ConfigError before anything is flown or written, where a combination names a key or value that does not exist."""
+    for sample in cells(campaign):
+        try:
+            prepared(sample)
+        except ValueError as error:
+            raise ConfigError(f"{path}: {sample.cell}: {error}") from error
+
+
+def write_report(campaign: Campaign, path: Path, folder: Path, rows: Mapping[int, Row]) -> Path:
+    """report.html of all rows so far, with links to the run folders of flights that were flown again."""
+    report = folder / "report.html"
+    page = campaign_report(campaign, path, rows, statistics_of(campaign, rows), kept_runs(folder))
+    report.write_text(page, encoding="utf-8")
+    return report
+
+
+def kept_runs(folder: Path) -> dict[int, str]:
+    """Reports of samples flown again, seen from `folder`; the latest of each sample."""
+    pages = sorted(folder.glob("sample-*/report.html"), key=lambda page: page.stat().st_mtime_ns)
+    return {int(page.parent.name.split("-")[1]): f"{page.parent.name}/{page.name}" for page in pages}
 
 
 def results_folder(campaign: Campaign) -> Path:
@@ -132,26 +155,26 @@ def sample_of(path: Path, index: int) -> Sample:
     raise ConfigError(f"{path}: has no sample {index}")
 
 
-def rerun(path: Path, index: int, runs: Path, console: Console, out: Path | None = None) -> dict[str, Any]:
-    """Fly one sample again, exactly, with everything recorded; say whether it came out as the campaign's row."""
-    from companion.campaign.flight_sinks import ReportSink, TlogSink
-    from companion.campaign.summary import summary_line
-    from companion.io.run_folder import RunFolder
-    from companion.telemetry.report import report_html
+def rerun(path: Path, index: int, console: Console, *, out: Path | None, runs: Path | None) -> dict[str, Any]:
+    """Fly one sample again, exactly, with everything recorded; say whether it came out as the campaign's row.
 
-    sample = sample_of(path, index)
-    folder = RunFolder(runs, f"{path.stem}-sample-{index}")
-    report = ReportSink()
-    row = fly_sample(sample, sinks=(TlogSink(folder.tlog), report))
-    folder.write_run(row)
-    title = f"{path.stem}, sample {index}: {sample.cell}, seed {sample.seed}"
-    folder.report.write_text(report_html(report.record, row, title=title, line=summary_line(row)), encoding="utf-8")
-    campaign = load_campaign(path)
-    stored = stored_rows((out or results_folder(campaign)) / "samples.jsonl").get(index)
-    if stored is not None:
-        console.print(compared(stored, row))
-    console.print(f"kept in {folder.path}")
-    return row
+    The run folder is made in `runs`, else beside the campaign's results, whose report then links to it.
+    """
+    from companion.campaign.recorded_flight import RecordedFlight
+
+    sample, campaign = sample_of(path, index), load_campaign(path)
+    results = out or results_folder(campaign)
+    about = {"campaign": campaign.name, "sample": str(index), "scenario": sample.scenario, "seed": str(sample.seed)}
+    _, config = prepared(sample)
+    recorded = RecordedFlight(runs or results, f"sample-{index}", config, about)
+    row = fly_sample(sample, recorded.sinks)
+    figures = recorded.finish(row, title=f"{path.stem}, sample {index}: {sample.cell}, seed {sample.seed} (simulated)")
+    rows = stored_rows(results / "samples.jsonl", fingerprint(campaign))
+    if index in rows:
+        console.print(compared(rows[index], row))
+    if rows and runs is None:
+        write_report(campaign, path, results, rows)
+    return figures
 
 
 def compared(stored: Row, row: Row) -> str:

@@ -114,9 +114,9 @@ def _prepare_worker() -> None:
 
 def _on_cluster(samples: Sequence[Sample], address: str, flight: Flight) -> Iterator[Row]:
     """On a dask scheduler: it re-runs what a dead worker held, and gives up on a flight that kills several."""
-    from distributed import Client, as_completed
+    with _client(address) as client:
+        from distributed import as_completed
 
-    with Client(address) as client:  # type: ignore[no-untyped-call]
         futures = [client.submit(_guarded, sample, flight, pure=False) for sample in samples]
         by_key = {future.key: sample for future, sample in zip(futures, samples, strict=True)}
         for future in as_completed(futures):  # type: ignore[no-untyped-call]
@@ -126,6 +126,18 @@ def _on_cluster(samples: Sequence[Sample], address: str, flight: Flight) -> Iter
                 raise error
             yield future.result() if error is None else failed_row(sample, "lost", f"{type(error).__name__}: {error}")
             future.release()
+
+
+def _client(address: str) -> Any:
+    """ValueError where the extra is missing or nobody answers."""
+    try:
+        from distributed import Client
+    except ImportError as error:
+        raise ValueError("--scheduler needs the extra `cluster`: pip install 'companion[cluster]'") from error
+    try:
+        return Client(address)  # type: ignore[no-untyped-call]
+    except OSError as error:
+        raise ValueError(f"--scheduler {address}: no dask scheduler answers there ({error})") from error
 
 
 def failed_row(sample: Sample, outcome: str, reason: str) -> Row:

@@ -32,8 +32,14 @@ class _Flown:
     row: Row
 
 
-def campaign_report(campaign: Campaign, path: Path, rows: Mapping[int, Row], cells: Sequence[CellStatistics]) -> str:
-    """The whole page."""
+def campaign_report(
+    campaign: Campaign,
+    path: Path,
+    rows: Mapping[int, Row],
+    cells: Sequence[CellStatistics],
+    kept: Mapping[int, str] | None = None,
+) -> str:
+    """The whole page. `kept` holds links to the reports of single flights by sample number, for those that have one."""
     flown = [_Flown(sample, rows[sample.index]) for sample in samples(campaign) if sample.index in rows]
     landed = sum(cell.landed for cell in cells)
     whole = cell_statistics(campaign.name, [one.row for one in flown])
@@ -57,7 +63,7 @@ def campaign_report(campaign: Campaign, path: Path, rows: Mapping[int, Row], cel
 <h2>Where on the pad</h2><div class="grid2">{"".join(svg(chart) for chart in _scatters(flown))}</div>
 <p>First contact of each flight, from above, pad's travel upwards. Blue: landed; red: did not end on the pad.</p>
 <h2>How hard</h2><div class="grid2">{svg(_contact_speeds(flown))}</div>
-<h2>Worst runs</h2>{_worst_table(flown, path)}
+<h2>Worst runs</h2>{_worst_table(flown, path, kept or {})}
 <h2>Figures</h2>{_cell_table(cells)}
 </body></html>
 """
@@ -196,17 +202,22 @@ def _dots(name: str, colour: str, rows: Sequence[Row]) -> Line:
     return Line(name, colour, across, [row["touchdown_error_along_m"] for row in rows], dots=True)
 
 
-def _worst_table(flown: Sequence[_Flown], path: Path) -> str:
-    """Failures first, then the largest errors; each with the command that repeats it exactly."""
+def _worst_table(flown: Sequence[_Flown], path: Path, kept: Mapping[int, str]) -> str:
+    """Failures first, then the largest errors; each with the command that repeats it exactly, and linked once it was."""
     ranked = sorted(flown, key=lambda one: (one.row["outcome"] == "landed", -(one.row["touchdown_error_m"] or 0.0)))
     lines = [
         f"<tr><td>{escape(one.row['outcome'])}</td><td>{_number(one.row['touchdown_error_m'])}</td>"
         f"<td>{escape(one.sample.cell)}, seed {one.sample.seed}</td><td>{escape(_why(one.row))}</td>"
-        f"<td><code>companion campaign rerun {escape(str(path))} --sample {one.sample.index}</code></td></tr>"
+        f"<td>{_linked(kept.get(one.sample.index))}"
+        f"<code>companion campaign rerun {escape(str(path))} --sample {one.sample.index}</code></td></tr>"
         for one in ranked[:WORST]
     ]
     head = "<tr><th>ending</th><th>error m</th><th>flight</th><th></th><th>the same again</th></tr>"
     return f"<table>{head}{''.join(lines)}</table>"
+
+
+def _linked(page: str | None) -> str:
+    return "" if page is None else f'<a href="{escape(page)}">its report</a> '
 
 
 def _why(row: Row) -> str:

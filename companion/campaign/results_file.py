@@ -53,6 +53,10 @@ class ResultsFile:
         if not lines:
             self._write({"campaign": fingerprint})
             return
+        if len(lines) == 1:
+            self._file.truncate(0)  # nothing was flown: the campaign file may change freely
+            self._write({"campaign": fingerprint})
+            return
         if json.loads(lines[0]).get("campaign") != fingerprint:
             raise ValueError(f"{self._path}: holds results of another campaign file; choose another --out or remove it")
         self.rows = {row["sample"]: row for row in map(json.loads, lines[1:])}

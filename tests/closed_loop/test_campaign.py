@@ -12,6 +12,7 @@ from rich.console import Console
 from companion.campaign.command import rerun, run_campaign
 from companion.campaign.results_file import stored_rows
 from companion.campaign.summary import repeatable
+from companion.replay import ReplayOptions, replay
 
 TEXT = """
 name = "short"
@@ -23,6 +24,8 @@ seeds = 2
 "path.speed_m_s" = 0.5
 """
 
+WHOLE_RUN_FOLDER = {"flight.tlog", "flight.mcap", "run.json", "config.json", "report.html", "landing.svg"}
+
 
 @pytest.mark.timeout(300)
 def test_a_flight_of_a_campaign_comes_out_the_same_to_the_last_byte(tmp_path: Path) -> None:
@@ -32,13 +35,18 @@ def test_a_flight_of_a_campaign_comes_out_the_same_to_the_last_byte(tmp_path: Pa
     console = Console(file=said, width=200)
     first = run_campaign(path, out=out, workers=2, scheduler=None, console=console, seeds=1)
     assert [cell["n"] for cell in first["cells"]] == [1]
-    again = rerun(path, 0, tmp_path / "runs", console, out)
+    again = rerun(path, 0, console, out=out, runs=None)
+    folder = Path(again.pop("run"))
     stored = stored_rows(out / "samples.jsonl")[0]
     assert json.dumps(repeatable(again)) == json.dumps(repeatable(stored))
     assert stored["outcome"] == "landed"
     assert "the same as in the campaign" in said.getvalue()
     assert (out / "report.html").stat().st_size > 2000
-    assert len(list((tmp_path / "runs").glob("*/flight.tlog"))) == 1
+    assert 'href="sample-0/report.html"' in (out / "report.html").read_text(encoding="utf-8")
+    assert {page.name for page in folder.iterdir()} == WHOLE_RUN_FOLDER
+    assert all(file.stat().st_size > 100 for file in folder.iterdir())
     nothing = run_campaign(path, out=out, workers=2, scheduler=None, console=console, seeds=1)
     assert "0 of 1 flights to fly" in said.getvalue()
     assert nothing["cells"] == first["cells"]
+    replayed = replay(folder / "flight.mcap", ReplayOptions())
+    assert (replayed.mode, replayed.differing) == ("exact", 0)

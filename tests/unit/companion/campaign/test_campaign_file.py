@@ -5,8 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from rich.console import Console
 
 from companion.campaign.campaign_file import fingerprint, load_campaign, samples
+from companion.campaign.command import run_campaign
 from companion.config import ConfigError
 
 TEXT = """
@@ -45,11 +47,42 @@ def test_fingerprint_follows_the_content(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("text", "word"),
-    [("name = 'x'\nscenarios = []\n", "at least one"), ("name = 'x'\n", "scenarios"), ("sedes = 1\n" + TEXT, "sedes")],
+    [
+        ("name = 'x'\nscenarios = []\n", "at least one"),
+        ("name = 'x'\n", "scenarios"),
+        ("sedes = 1\n" + TEXT, "sedes"),
+        (TEXT.replace('"speeds"', '"../speeds"'), "name"),
+        (TEXT.replace("[1.0, 2.0]", "[]"), "path.speed_m_s = .*at least one"),
+        (TEXT.replace("[1.0, 2.0]", "[1.0, 1.0]"), "path.speed_m_s: 1.0 stands there twice"),
+        (TEXT.replace('"circle"', '"line"'), "scenarios: line stands there twice"),
+        (TEXT + "variant = ['a']\n", "named ones stand in"),
+        (TEXT.replace("seeds = 3", "seeds = 0"), "seeds"),
+    ],
 )
 def test_a_wrong_file_is_refused_with_what_is_wrong(tmp_path: Path, text: str, word: str) -> None:
     with pytest.raises(ConfigError, match=word):
         load_campaign(written(tmp_path, text))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "word"),
+    [
+        ("path.speed_m_s", "path.sped_m_s", "line path.sped_m_s=1.0.*sped_m_s"),
+        ("app:control.position_gain_hz", "app:control.gain", "control.gain"),
+        ("[1.0, 2.0]", "['fast']", "path.speed_m_s=fast"),
+        ('"circle"', '"cirle"', "cirle"),
+        ('"control.lead_s" = 0.2', '"control.lead_s" = -1.0', "lead_s"),
+        ('"path.speed_m_s"', '"name.speed"', "name.speed"),
+        ('"path.speed_m_s"', '"faults.speed"', "faults.speed"),
+    ],
+)
+def test_a_combination_that_cannot_be_flown_is_refused_before_anything_is_written(
+    tmp_path: Path, old: str, new: str, word: str
+) -> None:
+    path = written(tmp_path, TEXT.replace(old, new))
+    with pytest.raises(ConfigError, match=word):
+        run_campaign(path, out=tmp_path / "out", workers=1, scheduler=None, console=Console(quiet=True))
+    assert not (tmp_path / "out").exists()
 
 
 def test_fewer_seeds_keep_the_numbers_of_their_samples(tmp_path: Path) -> None:

@@ -83,3 +83,22 @@ def test_on_a_dask_cluster_the_rows_are_the_same() -> None:
         todo = [sample(0), sample(1, "raises"), sample(2)]
         rows = list(fly_all(todo, workers=1, scheduler=cluster.scheduler_address, flight=flight))
     assert outcomes(rows) == {0: "landed", 1: "error", 2: "landed"}
+
+
+@pytest.mark.timeout(120)
+def test_a_worker_of_a_cluster_that_is_killed_costs_no_flight(tmp_path: Path) -> None:
+    """Real worker processes; one is killed (SIGKILL) in the middle of a flight, which another then flies."""
+    distributed = pytest.importorskip("distributed")
+    killer = threading.Thread(target=_kill_first_worker, args=(tmp_path,))
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+        killer.start()
+        todo = [sample(0), sample(1, "waits", tmp_path), sample(2), sample(3, "raises")]
+        rows = list(fly_all(todo, workers=1, scheduler=cluster.scheduler_address, flight=_waits_once))
+        killer.join()
+    assert outcomes(rows) == {0: "landed", 1: "landed", 2: "landed", 3: "error"}
+
+
+def test_a_scheduler_that_does_not_answer_is_named() -> None:
+    pytest.importorskip("distributed")
+    with pytest.raises(ValueError, match="no dask scheduler answers"):
+        list(fly_all([sample(0)], workers=1, scheduler="tcp://127.0.0.1:1", flight=flight))

@@ -35,6 +35,15 @@ def test_results_of_another_campaign_are_refused(tmp_path: Path) -> None:
         ResultsFile(tmp_path / "samples.jsonl", "other")
 
 
+def test_a_campaign_file_may_change_as_long_as_nothing_was_flown(tmp_path: Path) -> None:
+    path = tmp_path / "samples.jsonl"
+    ResultsFile(path, "abc").close()
+    results = ResultsFile(path, "changed")
+    results.add(LANDED)
+    results.close()
+    assert stored_rows(path, "changed") == {0: LANDED}
+
+
 def test_a_second_writer_is_refused_and_a_reader_is_not(tmp_path: Path) -> None:
     path = tmp_path / "samples.jsonl"
     filled(path)
