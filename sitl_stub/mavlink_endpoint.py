@@ -144,6 +144,10 @@ class MavlinkEndpoint:
                 due_us = min(due_us, link.next_due_us)
             self.next_due_us = due_us
 
+    def _leave_with_this_step(self) -> None:
+        """What waits on the links is not to be mixed with what later steps send."""
+        self.next_due_us = 0
+
     def step(self, t_us: int) -> None:
         """Send what is due."""
         self._cache.clear()
@@ -212,6 +216,7 @@ class MavlinkEndpoint:
         self._event_sequence = (self._event_sequence + 1) & 0xFFFF
         level = notice.level if notice.text_level is None else notice.text_level
         chunks = list(self._text_chunks(notice.text, level))
+        self._leave_with_this_step()
         for link in self._links.values():
             link.send(mav.EVENT, payload)
             if self._has_ground_station(link):
@@ -243,6 +248,9 @@ class MavlinkEndpoint:
             link.messages_received += 1
             self._take(link, frame)
         self.look_ahead()
+        for each in self._active:
+            if each.out:
+                self._leave_with_this_step()
 
     def _take(self, link: Link, frame: Frame) -> None:
         if (frame.system_id, frame.component_id) == (SYSTEM_ID, COMPONENT_ID) or not link.signing.accepts(frame):

@@ -83,14 +83,16 @@ def test_steady_flight_gives_the_bytes_of_single_steps(name: str, monkeypatch: p
     assert digest(scenario, descent_m_s, seconds, overrides) == together
 
 
-def winding_digest(seconds: float, chunk_s: float = 0.02) -> str:
-    """Datagrams of a flight whose setpoint changes 25 times a second: descents that begin and end, positions now and then."""
+def winding_digest(seconds: float, chunk_s: float = 0.02, silent_from_s: float = math.inf) -> str:
+    """Datagrams of a flight whose setpoint changes 25 times a second: descents that begin and end, positions now and then.
+
+    From `silent_from_s` on no setpoint comes for three seconds."""
     world = World(msgspec.structs.replace(scenarios.load("line"), cameras={}), 3)
     result = hashlib.sha256()
     for turn in range(round(seconds / 0.02)):
         t_s = turn * 0.02
         given = []
-        if turn % 2 == 0:
+        if turn % 2 == 0 and not silent_from_s <= t_s < silent_from_s + 3.0:
             velocity = (math.sin(1.3 * t_s), math.cos(t_s), 0.9 * math.sin(2.0 * t_s))
             mask = 0b100111000111 if int(t_s) % 3 else 0b100111111000
             rest = (0.0, 0.0, 0.0, 0.3 * math.sin(t_s), 0.0, mask, 1, 1, 1)
@@ -109,6 +111,16 @@ def test_a_setpoint_that_changes_all_the_time_gives_the_bytes_of_single_steps(mo
     assert winding_digest(5.0, chunk_s=0.004) == together
     monkeypatch.setattr(SteadyFlight, "enter", lambda self: False)
     assert winding_digest(5.0) == together
+
+
+@pytest.mark.parametrize("silent_from_s", [1.04, 1.8])
+def test_events_of_a_failsafe_leave_on_both_links_with_their_own_step(
+    silent_from_s: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    together = winding_digest(6.0, silent_from_s=silent_from_s)
+    assert winding_digest(6.0, 0.004, silent_from_s) == together
+    monkeypatch.setattr(SteadyFlight, "enter", lambda self: False)
+    assert winding_digest(6.0, silent_from_s=silent_from_s) == together
 
 
 def test_steady_flight_gives_the_same_bytes_for_every_length_of_step() -> None:
