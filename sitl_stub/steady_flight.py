@@ -16,7 +16,7 @@ from sitl_stub.autopilot.autopilot import Autopilot
 from sitl_stub.autopilot.estimate import MOST_NUMBERS_A_STEP, ErrorModel, step_estimate
 from sitl_stub.autopilot.estimate import SIZE as ESTIMATE_SIZE
 from sitl_stub.autopilot.hover_thrust import HoverSettings, HoverState
-from sitl_stub.autopilot.land_detector import CLOSE_TO_GROUND_M
+from sitl_stub.autopilot.land_detector import CLOSE_TO_GROUND_M, follow_hover
 from sitl_stub.autopilot.low_pass import Butterworth
 from sitl_stub.autopilot.position_control import UNSET_MOTION, Motion, PositionGains
 from sitl_stub.autopilot.rate_control import RateGains
@@ -125,6 +125,14 @@ def _seems_landed(k: Any, e: Any, limits: GroundContactLimits, asked: Asked) -> 
 
 
 @used_by_kernels
+def _follow_hover(k: Any, loops: LoopConstants, asked: Asked) -> None:
+    """The land detector's memory, at a decision that is left out."""
+    is_valid = loops.uses_hover_estimate and k[37] > 0.0
+    k[53], knows = follow_hover(k[53], k[54] > 0.5, k[35], is_valid, asked.descends)
+    k[54] = 1.0 if knows else 0.0
+
+
+@used_by_kernels
 def _put_body_numbers(row: Any, state: tuple[float, ...], acceleration: Vec3) -> None:
     row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8] = state[:9]
     row[9], row[10], row[11], row[12], row[13], row[14], row[15], row[16] = state[9:]
@@ -206,6 +214,7 @@ def fly_steadily(
                     break
                 k[52] = 0.0
                 asked = _asked_of(wanted_next)
+                _follow_hover(k, loops, asked)
         control(k, e, loops, asked)
         if i >= kept_from:
             _put_body(rows_b[i], state, acceleration)
@@ -299,11 +308,17 @@ class SteadyFlight:
         _put_body(self._b, vehicle.state, vehicle.acceleration_ned_m_s2)
         autopilot.cascade.put_flat(self._k)
         self._k[52] = float(autopilot.since_decision_us)
+        self._remember_hover()
         self._ask(autopilot.asked())
         self._seen = autopilot.disturbances()
         self._is_in, self._is_shown, self._is_estimated, self._calm_until_us = True, True, False, 0
         self._slow_is_known = False
         return True
+
+    def _remember_hover(self) -> None:
+        """The land detector's memory into the kernel, which goes on with it at decisions that are left out."""
+        hover, knows_hover = self._autopilot.land_detector.hover
+        self._k[53], self._k[54] = hover, float(knows_hover)
 
     def _ask(self, asked: Asked) -> None:
         if asked != self._asked:
@@ -317,8 +332,10 @@ class SteadyFlight:
         # First what messages are still to say of an earlier step: it passes through the cascade.
         self._autopilot.telemetry.complete()
         self.show(t_us)
-        self._autopilot.cascade.take_flat(_plain(self._k), self._asked)
-        self._autopilot.since_decision_us = round(self._k[52])
+        k = _plain(self._k)
+        self._autopilot.cascade.take_flat(k, self._asked)
+        self._autopilot.since_decision_us = round(k[52])
+        self._autopilot.land_detector.take_hover(k[53], k[54] > 0.5)
         self._is_in = self._is_estimated = False
         self._asked_next = None
 
@@ -481,9 +498,11 @@ class SteadyFlight:
         autopilot.show(t_us, autopilot.estimator.flat)
         self._is_shown = self._is_estimated = True
         autopilot.estimator.estimate.height_above_bottom_m = range_m
-        autopilot.cascade.thrust_setpoint = float(self._k[10])
-        autopilot.cascade.hover_thrust_estimator.state = HoverState(*(float(value) for value in self._k[35:42]))
-        dt_s = float(self._k[52]) * 1e-6
+        k = _plain(self._k)
+        autopilot.cascade.thrust_setpoint = k[10]
+        autopilot.cascade.hover_thrust_estimator.state = HoverState(*k[35:42])
+        autopilot.land_detector.take_hover(k[53], k[54] > 0.5)
+        dt_s = k[52] * 1e-6
         self._k[52] = 0.0
         self._asked_next = None
         if t_us < self._calm_until_us and not self._task_waits:
@@ -497,6 +516,7 @@ class SteadyFlight:
             self._calm_until_us = autopilot.calm_until_us(t_us)
             self._reasons = autopilot.reasons_to_decide()
         self._task_waits = autopilot.task_waits
+        self._remember_hover()
         if not autopilot.is_steady() or autopilot.disturbances() != self._seen:
             self.leave(t_us)
             return False

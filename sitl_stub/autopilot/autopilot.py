@@ -247,6 +247,7 @@ class Autopilot:
         if self._pilot_sticks is not None:
             self.manual_control.receive(self._pilot_sticks, t_us)
         self._follow_jumps()
+        self.commander.pass_over(t_us, DECISION_PERIOD_US)
         self.commander.step(self._conditions(t_us))
         self._set_home(t_us)
         self._setpoint = self._fly(t_us, dt_s)
@@ -309,9 +310,18 @@ class Autopilot:
             return 0
         if not self.land_detector.is_idle(t_us) or not self.battery.is_settled:
             return 0
-        seen = self.endpoint.ground_station_seen_us
-        lost_us: float = _NEVER_US if seen is None or self._ground_station_lost else self._ground_station_lost_us(seen)
-        return int(min(self.commander.quiet_until_us, self.home.next_change_us, lost_us))
+        health = self._refresh_health(t_us)
+        health_us = self._health_holds_until_us(health)
+        return int(min(self.commander.quiet_until_us(health), health_us, self.home.next_change_us))
+
+    def _health_holds_until_us(self, health: Health) -> float:
+        """Until when health stays like this while nothing is received and GNSS is there."""
+        seen, ends_us = self.endpoint.ground_station_seen_us, float(_NEVER_US)
+        if seen is not None and not self._ground_station_lost:
+            ends_us = self._ground_station_lost_us(seen)
+        if health.has_offboard:
+            ends_us = min(ends_us, self.offboard.dies_us(self._offboard_timeout_s))
+        return ends_us if health.is_ready else min(ends_us, _CAN_ARM_AFTER_US)
 
     @property
     def task_waits(self) -> bool:
@@ -320,8 +330,14 @@ class Autopilot:
 
     def reasons_to_decide(self) -> tuple[object, ...]:
         """Changes when something received is more than a setpoint."""
-        c = self.commander
-        return c.mode_changes, c.health, self.manual_control.was_seen, self.endpoint.ground_station_seen_us
+        c, has_offboard = self.commander, self.offboard.is_alive(self._t_us, self._offboard_timeout_s)
+        return (
+            c.mode_changes,
+            c.health,
+            has_offboard,
+            self.manual_control.was_seen,
+            self.endpoint.ground_station_seen_us,
+        )
 
     def stays_calm(self, reasons: object, t_us: int) -> bool:
         """The flight task has changed nothing but its setpoint, and nothing looks like a landing."""
@@ -390,6 +406,7 @@ class Autopilot:
         """Automatic modes leave the controller a fifth more than their own greatest speed of descent."""
         get = self.parameters.get
         self._climb_max_m_s = get("MPC_Z_VEL_MAX_UP")
+        self._offboard_timeout_s = get("COM_OF_LOSS_T")
         self._descent_limits_m_s = get("MPC_Z_VEL_MAX_DN"), _AUTOMATIC_MARGIN * get("MPC_Z_V_AUTO_DN")
 
     def _refresh(self, name: str) -> None:
@@ -413,7 +430,7 @@ class Autopilot:
         return Health(
             is_ready=ready,
             has_position=self._position_is_valid,
-            has_offboard=self.offboard.is_alive(t_us, self.parameters.get("COM_OF_LOSS_T")),
+            has_offboard=self.offboard.is_alive(t_us, self._offboard_timeout_s),
             has_sticks=self.manual_control.is_alive(t_us),
             has_ground_station=self._has_ground_station(t_us),
             is_terminated=self.commander.terminated,

@@ -21,6 +21,7 @@ from sitl_stub.autopilot.parameters import Parameters
 
 HEALTH_PERIOD_US = 100_000
 _REPORT_PERIOD_US = 2_000_000
+_NEVER_US = 1 << 62
 
 _STATUS_UNINIT = 0
 _STATUS_STANDBY = 3
@@ -262,14 +263,19 @@ class Commander:
         self._choose_mode(now)
         self._report(now.t_us)
 
-    @property
-    def quiet_until_us(self) -> int:
-        """Until then `step` does nothing new while the conditions stay as they are; 0 where that cannot be said."""
+    def pass_over(self, t_us: int, period_us: int) -> None:
+        """Steps before t_us, a period apart, were left out: their health checks would have found what the last one found."""
+        while self._next_health_us <= t_us - period_us:
+            self._next_health_us += (t_us - self._next_health_us) % period_us + HEALTH_PERIOD_US
+
+    def quiet_until_us(self, health: Health) -> int:
+        """Until then `step` does nothing new while this health and all else stay as they are; 0 where that cannot be said."""
         is_plain = self.armed and self._has_flown and not (self.terminated or self.killed or self._landed)
         reported = self._reported == (self.nav_state, self._health, self.armed, self._landed)
         if not (is_plain and self._failsafe.is_idle and self.nav_state is self.user_mode):
             return 0
-        return self._next_health_us if reported else min(self._next_health_us, self._next_report_us)
+        checked_us = _NEVER_US if health == self._health else self._next_health_us
+        return checked_us if reported else min(checked_us, self._next_report_us)
 
     def finish_takeoff(self) -> None:
         """The take-off altitude is reached: PX4 goes on to loiter."""

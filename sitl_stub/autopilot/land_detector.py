@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 from sitl_stub.autopilot.hysteresis import Hysteresis
 from sitl_stub.autopilot.parameters import Parameters
+from sitl_stub.compiled import used_by_kernels
 
 _LOW_THRUST_FRACTION = 0.3
 _LOW_THRUST_FRACTION_OF_KNOWN_HOVER = 0.6
@@ -25,6 +26,14 @@ _LANDED_THRESHOLD_FACTOR = 2.5
 CLOSE_TO_GROUND_M = 1.0
 _STAGES = 3
 _WITHOUT_RANGE_SLOWER = 3
+
+
+@used_by_kernels
+def follow_hover(hover: float, knows_hover: bool, value: float, is_valid: bool, descends: bool) -> tuple[float, bool]:
+    """The hover thrust to go by: an estimate that was valid when the descent began stays in use."""
+    if is_valid:
+        return value, True
+    return hover, knows_hover and descends
 
 
 class LandDetectorInput(NamedTuple):
@@ -88,6 +97,15 @@ class LandDetector:
         low_thrust = self._thrust_min + (hover - self._thrust_min) * _LOW_THRUST_FRACTION_OF_KNOWN_HOVER
         return low_thrust, self._vz_max_m_s, self._vxy_max_m_s
 
+    @property
+    def hover(self) -> tuple[float, bool]:
+        """The hover thrust it goes by, and whether that is known."""
+        return self._hover, self._knows_hover
+
+    def take_hover(self, hover: float, knows_hover: bool) -> None:
+        """As if it had followed the estimate until then (`follow_hover`)."""
+        self._hover, self._knows_hover = hover, knows_hover
+
     def is_idle(self, t_us: int) -> bool:
         """Sees nothing like a landing."""
         return not (self._contact.state or self._maybe.state or self._landed.state or self._contact.is_pending)
@@ -116,12 +134,10 @@ class LandDetector:
         return self._landed.update(maybe, delay_us, t_us)
 
     def _follow_hover_thrust(self, seen: LandDetectorInput) -> None:
-        """An estimate that was valid when the descent began stays in use."""
         is_valid = seen.hover_thrust is not None
-        if seen.hover_thrust is not None:
-            self._hover = seen.hover_thrust
-        if is_valid or not self.descends(seen.descent_setpoint_m_s):
-            self._knows_hover = is_valid
+        value = self._hover if seen.hover_thrust is None else seen.hover_thrust
+        descends = self.descends(seen.descent_setpoint_m_s)
+        self._hover, self._knows_hover = follow_hover(self._hover, self._knows_hover, value, is_valid, descends)
 
     @property
     def _threshold_factor(self) -> float:

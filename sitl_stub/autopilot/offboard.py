@@ -7,7 +7,7 @@ setpoint that leaves an axis uncontrolled keeps OFFBOARD alive but can't be flow
 
 from __future__ import annotations
 
-from math import cos, isfinite, nan, sin
+from math import cos, inf, isfinite, nan, sin
 from typing import NamedTuple
 
 from sitl_stub.autopilot import events
@@ -92,6 +92,10 @@ class OffboardStream:
     def is_alive(self, t_us: int, timeout_s: float) -> bool:
         """A usable message came within the timeout (COM_OF_LOSS_T)."""
         return self._alive_us is not None and t_us - self._alive_us <= timeout_s * 1e6
+
+    def dies_us(self, timeout_s: float) -> float:
+        """When it is no longer alive, if nothing comes; infinite where nothing came yet."""
+        return inf if self._alive_us is None else self._alive_us + timeout_s * 1e6
 
     def wants_takeoff(self, z_ned_m: float, t_us: int) -> bool:
         """The stream asks to leave the ground: upward velocity or acceleration, or a height above the vehicle."""
