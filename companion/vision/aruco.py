@@ -79,7 +79,16 @@ class ArucoDetector:
                 seen = self._found(frame, grey, self._in_region(grey, where), hint)
                 if isinstance(seen, PadObservation) or (frame.sequence % _CUT_SEARCHED and self._is_cut(hint)):
                     return seen
-        return self._found(frame, grey, search.first_found(grey, self._book), hint)
+        return self._anywhere(frame, grey, hint)
+
+    def _anywhere(self, frame: CameraImage, grey: Image, hint: DetectionHint | None) -> Detection:
+        """The first level of the search that gives a pose: a marker whose corner is covered gives none, one within it may."""
+        seen: Detection = self._not_seen(frame, "no marker")
+        for found in search.coarse_to_fine(grey, self._book):
+            seen = self._found(frame, grey, found, hint)
+            if isinstance(seen, PadObservation):
+                break
+        return seen
 
     def _found(
         self, frame: CameraImage, grey: Image, found: list[search.Found], hint: DetectionHint | None

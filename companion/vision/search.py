@@ -6,6 +6,7 @@ follow only where that shows nothing, so that speed costs no range. Each level l
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import cv2
@@ -48,15 +49,15 @@ COARSEST = Level(8, 5.0, 25)
 """Only in pictures so large that a marker may fill them and yet be too large for the first of LEVELS."""
 
 
-def first_found(grey: Image, book: CodeBook) -> list[Found]:
-    """Markers of the first level that shows any. Corners are good to about half a pixel of that level."""
+def coarse_to_fine(grey: Image, book: CodeBook) -> Iterator[list[Found]]:
+    """Markers level by level, of those that show any; a level is searched when it is asked for. Corners are good to about half
+    a pixel of their level."""
     first, *finer = LEVELS
     is_large = min(grey.shape) > first.shrink * first.max_side_px
     for level in (first, COARSEST, *finer) if is_large else LEVELS:
         found = at_level(grey, book, level)
         if found:
-            return found
-    return []
+            yield found
 
 
 def all_found(grey: Image, book: CodeBook) -> list[Found]:

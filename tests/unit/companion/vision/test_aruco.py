@@ -118,6 +118,17 @@ def test_several_markers_give_one_landing_point() -> None:
     assert error_m(half, p) < 0.02
 
 
+def test_with_a_corner_under_a_tarpaulin_the_marker_within_is_found() -> None:
+    """The large marker's code is read at the coarsest level of the search, but its corners make no pose."""
+    texture = PAD.copy()
+    metre = texture.shape[0] / 1.5
+    texture[round(1.1 * metre) :, round(1.1 * metre) :] = 60
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        R, p = scenes.looking_down(float(rng.uniform(-3.0, 3.0)), *rng.normal(0.0, 0.04, 2)), np.array([0.2, -0.1, 6.0])
+        assert error_m(observed(detector().detect(seen_from(R, p, seed, texture), None)), p) < 0.06
+
+
 def test_an_apriltag_pad_is_found_as_well() -> None:
     pad = config.Pad(family="DICT_APRILTAG_36h11", markers=(config.Marker(id=5, size_m=1.0),))
     texture = scenes.pad_texture(1.5, cv2.aruco.DICT_APRILTAG_36h11, ((5, 1.0, (0.0, 0.0)),))

@@ -47,7 +47,7 @@ def test_the_pad_is_found_from_near_to_far(distance_m: float) -> None:
     rng = np.random.default_rng(int(10 * distance_m))
     R, p = scenes.looking_down(0.7, 0.1, -0.1), np.array([0.02, 0.03, 1.0]) * distance_m
     image = scenes.picture(scenes.nested_pad_texture(), R, p, scenes.camera_matrix(), rng=rng)
-    found = search.first_found(image, pad_book())
+    found = next(search.coarse_to_fine(image, pad_book()), [])
     assert found
     for marker in found:
         half = 0.6 if marker.marker_id == 45 else 0.12
@@ -61,7 +61,7 @@ def test_a_marker_that_fills_a_large_picture_is_found() -> None:
     texture = scenes.pad_texture(1.5, cv2.aruco.DICT_4X4_50, ((45, 1.2, (0.0, 0.0)),))
     R, p = scenes.looking_down(0.3), np.array([0.0, 0.0, 1.82])
     image = scenes.picture(texture, R, p, K, width=1920, height=1080, rng=np.random.default_rng(1))
-    assert [marker.marker_id for marker in search.first_found(image, pad_book())] == [45]
+    assert [marker.marker_id for marker in next(search.coarse_to_fine(image, pad_book()), [])] == [45]
 
 
 def test_a_marker_of_fourteen_pixels_is_found_in_every_frame() -> None:
@@ -74,7 +74,7 @@ def test_a_marker_of_fourteen_pixels_is_found_in_every_frame() -> None:
         R = scenes.looking_down(float(rng.uniform(-3, 3)), *rng.normal(0.0, 0.08, 2))
         p = np.array([rng.uniform(-0.5, 0.5), rng.uniform(-0.35, 0.35), 1.0]) * 12.0
         image = scenes.picture(texture, R, p, scenes.camera_matrix(), rng=rng)
-        missed += not search.first_found(image, book)
+        missed += not next(search.coarse_to_fine(image, book), [])
     assert missed == 0
 
 
@@ -82,9 +82,9 @@ def test_ground_without_a_pad_shows_no_marker() -> None:
     book = pad_book()
     for seed in range(8):
         ground = 110.0 + scenes.ground_texture(752, 480, np.random.default_rng(seed))
-        assert search.first_found(np.clip(ground, 0, 255).astype(np.uint8), book) == []
+        assert list(search.coarse_to_fine(np.clip(ground, 0, 255).astype(np.uint8), book)) == []
 
 
 @pytest.mark.parametrize("level", [0, 255, 128])
 def test_a_frame_of_one_grey_level_shows_no_marker(level: int) -> None:
-    assert search.first_found(np.full((480, 752), level, np.uint8), pad_book()) == []
+    assert next(search.coarse_to_fine(np.full((480, 752), level, np.uint8), pad_book()), []) == []
