@@ -1,8 +1,8 @@
-"""All stream messages of many steps in one call: what `MavlinkEndpoint.step` does while only streams that move with the vehicle are due.
+"""Many steps of steady flight and all their stream messages in one call: steady_kernel.py's loop, then what `MavlinkEndpoint.step` does.
 
 The plain message is the template: tables say which of its fields move and how they are packed (from the message's own format), and
-stream_values.py gives the numbers, the same functions as for a single message. The kernel stops before a step in which another
-message is due. `b`, `e`, `k` are rows of steady_flight.py, `s` the slow numbers laid out below. Bytes are those of the plain way.
+stream_values.py gives the numbers, the same functions as for a single message. The kernel stops before a step in which a message is
+due that it does not know. `b`, `e`, `k` are rows of steady_kernel.py, `s` the slow numbers laid out below. Bytes are those of the plain way.
 """
 
 from __future__ import annotations
@@ -22,27 +22,38 @@ from sitl_stub.geodesy import OriginNumbers
 from sitl_stub.mavlink import definitions as mav
 from sitl_stub.mavlink.definitions import MessageType
 from sitl_stub.multirotor import specific_force
+from sitl_stub.rotation import Vec3
+from sitl_stub.steady_kernel import fly_steadily
 
 Integers = npt.NDArray[np.int64]
 Bytes = npt.NDArray[np.uint8]
 
 # Places in s.
 ORIGIN, HOME, HAS_GLOBAL, HAS_GPS, IS_ARMED, CAN_FLY, LANDED_STATE, HAS_TARGET = 0, 5, 7, 8, 9, 10, 11, 12
-IMU_SCALE, RESETS, DRAIN, FULL_SINCE_US, HAS_RANGE, ASKED_POSITION, RANGE, SLOW_SIZE = 13, 14, 15, 18, 19, 20, 23, 24
+IMU_SCALE, RESETS, DRAIN, FULL_SINCE_US, HAS_RANGE, ASKED_POSITION, UNIX_START_US, SLOW_SIZE = (
+    13,
+    14,
+    15,
+    18,
+    19,
+    20,
+    23,
+    24,
+)
 
-# Columns of the timetable, of the counters of a link, of what comes out, and of a frame made.
-DUE, ORDER, LAST_SENT, TIMETABLE_SIZE = 0, 1, 4, 5
-"""Interval and kind between them."""
-FIRST, END, SEQUENCE, NEXT_DUE, LINK_SIZE = 0, 1, 2, 5, 6
-"""Of the streams; then sequence number, messages and bytes sent, when something is due next."""
-RESULT_SIZE = 5
-"""Where it stopped, frames, place on the tape, last step with a message, frames before the last of all steps."""
+# Columns of the timetable, of a link, and of a frame made.
+DUE, ORDER, KIND, LAST_SENT, TIMETABLE_SIZE = 0, 1, 3, 4, 5
+"""The interval is between order and kind."""
+FIRST, END, COUNTERS, RECEIVED, LINK_SIZE = 0, 1, 2, 5, 7
+"""Of the streams; then sequence number, messages and bytes sent; messages and bytes received."""
 FRAME_SIZE = 3
 """Begin, end, link."""
+NO_STEP = 1 << 40
+"""As the first step to send: none."""
 
 _STEP_US = 4000
 LONGEST_FRAME = 280
-MOST_FIELDS = 16
+_MOST_FIELDS = 16
 _NEVER_US = 1 << 62
 
 (
@@ -64,7 +75,25 @@ _NEVER_US = 1 << 62
     _GPS,
     _STATUS,
     _LANDED,
-) = range(18)
+    _NODE,
+    _PING,
+    _CLOCK,
+    _PRESSURE,
+    _ESTIMATOR,
+    _VIBRATION,
+    _BATTERY,
+    _DRONE,
+    _DRONE_SYSTEM,
+    _HEARTBEAT,
+    _MISSION,
+    _INTEGRITY,
+    _MODE,
+    _HOME,
+    _ARRIVAL,
+    _EVENTS,
+) = range(34)
+FIRST_FRESH = _NODE
+"""From this kind on: sent about once a second, and much of the message is not the flight's; templates are made anew before."""
 
 MOVING_FIELDS: dict[MessageType, tuple[int, tuple[int, ...]]] = {
     mav.ATTITUDE: (_ATTITUDE, tuple(range(7))),
@@ -84,6 +113,22 @@ MOVING_FIELDS: dict[MessageType, tuple[int, tuple[int, ...]]] = {
     mav.GPS_RAW_INT: (_GPS, tuple(range(11))),
     mav.SYS_STATUS: (_STATUS, (2, 4, 12)),
     mav.EXTENDED_SYS_STATE: (_LANDED, (1,)),
+    mav.LINK_NODE_STATUS: (_NODE, tuple(range(5))),
+    mav.PING: (_PING, (0, 1)),
+    mav.SYSTEM_TIME: (_CLOCK, (0, 1)),
+    mav.SCALED_PRESSURE: (_PRESSURE, (0, 1)),
+    mav.ESTIMATOR_STATUS: (_ESTIMATOR, (0,)),
+    mav.VIBRATION: (_VIBRATION, (0,)),
+    mav.BATTERY_STATUS: (_BATTERY, (3, 17)),
+    mav.OPEN_DRONE_ID_LOCATION: (_DRONE, (0, 1, 2, 3, 4, 6, 7, 8)),
+    mav.OPEN_DRONE_ID_SYSTEM: (_DRONE_SYSTEM, (5,)),
+    mav.HEARTBEAT: (_HEARTBEAT, ()),
+    mav.MISSION_CURRENT: (_MISSION, ()),
+    mav.GNSS_INTEGRITY: (_INTEGRITY, ()),
+    mav.CURRENT_MODE: (_MODE, ()),
+    mav.HOME_POSITION: (_HOME, ()),
+    mav.TIME_ESTIMATE_TO_TARGET: (_ARRIVAL, ()),
+    mav.CURRENT_EVENT_SEQUENCE: (_EVENTS, ()),
 }
 """The kernel's number of a message, and which of its fields (counted in wire order, arrays one by one) it writes."""
 
@@ -92,7 +137,7 @@ KIND_OF = {message_type.id: kind for message_type, (kind, _) in MOVING_FIELDS.it
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Layouts:
-    """For each kind: first and last field, size, id, CRC_EXTRA, place of its template. For each field: place, code, size."""
+    """For each kind: first and last field, size (0: nothing to say), id, CRC_EXTRA, place of its template. For each field: place, code, size."""
 
     kinds: Integers
     fields: Integers
@@ -122,8 +167,9 @@ def _fields(format: str) -> list[tuple[int, int, int]]:
         if code.isdigit():
             count += code
             continue
-        size = calcsize("<" + code)
-        for _ in range(int(count or 1)):
+        is_text = code == "s"
+        size = calcsize("<" + (count if is_text else "") + code)
+        for _ in range(1 if is_text else int(count or 1)):
             found.append((place, int(code == "f"), size))
             place += size
         count = ""
@@ -131,7 +177,20 @@ def _fields(format: str) -> list[tuple[int, int, int]]:
 
 
 @used_by_kernels
-def _fill(kind: int, v: Any, t_us: int, b: Any, e: Any, k: Any, s: Any, tape: Any, tape_at: int) -> bool:
+def _fill(
+    kind: int,
+    v: Any,
+    t_us: int,
+    b: Any,
+    e: Any,
+    k: Any,
+    s: Any,
+    range_m: float,
+    tape: Any,
+    tape_at: int,
+    link: Any,
+    pings: int,
+) -> bool:
     """The numbers of one message into v; False when there is nothing to say."""
     position, velocity = (e[50], e[51], e[52]), (e[53], e[54], e[55])
     q, rates, yaw = (e[60], e[61], e[62], e[63]), (e[64], e[65], e[66]), e[70]
@@ -188,11 +247,11 @@ def _fill(kind: int, v: Any, t_us: int, b: Any, e: Any, k: Any, s: Any, tape: An
         v[4], v[5], v[6], v[7], v[8], v[9] = k[42], k[43], k[44], k[45], k[46], k[47]
         v[10], v[11] = values_of.zero_if_unset(k[51]), k[15]
     elif kind == _ALTITUDE:
-        v[0], v[1], v[2], v[3], v[4], v[5], v[6] = values_of.altitude(t_us, amsl, e[52], home, s[23])
+        v[0], v[1], v[2], v[3], v[4], v[5], v[6] = values_of.altitude(t_us, amsl, e[52], home, range_m)
     elif kind == _RANGE:
         if s[19] < 0.5:
             return False
-        v[1] = values_of.distance_cm(s[23])
+        v[1] = values_of.distance_cm(range_m)
     elif kind == _SERVOS:
         v[0] = t_us & 0xFFFFFFFF
         for i in range(4):
@@ -207,11 +266,36 @@ def _fill(kind: int, v: Any, t_us: int, b: Any, e: Any, k: Any, s: Any, tape: An
         )
         v[10] = v[3]
     elif kind == _STATUS:
-        charge = charge_after(t_us - round(k[52]) - s[18], Drain(s[15], s[16], s[17]))
+        charge = _charge(t_us, k, s)
         _, _, v[0], _, v[1], _, v[2] = values_of.sys_status(s[10] > 0.5, s[8] > 0.5, charge, voltage_of(charge))
-    else:
+    elif kind == _LANDED:
         v[0] = s[11]
+    elif kind == _NODE:
+        v[0] = t_us
+        v[1], v[2] = values_of.per_second(link[4], t_us), values_of.per_second(link[6], t_us)
+        v[3], v[4] = link[3], link[5]
+    elif kind == _PING:
+        v[0], v[1] = t_us, pings
+    elif kind == _CLOCK:
+        v[0], v[1] = int(s[23]) + t_us, t_us // 1000
+    elif kind == _PRESSURE:
+        v[1] = values_of.pressure_hpa(amsl)
+    elif kind in (_ESTIMATOR, _VIBRATION):
+        v[0] = t_us
+    elif kind == _BATTERY:
+        charge = _charge(t_us, k, s)
+        v[0], v[1] = values_of.millivolts(voltage_of(charge)), values_of.percent(charge)
+    elif kind == _DRONE:
+        v[0], v[1], v[2], v[3], v[4], v[5], v[6], v[7] = values_of.drone_location(position, velocity, origin, home)
+    elif kind == _DRONE_SYSTEM:
+        v[0] = values_of.unix_seconds(int(s[23]) + t_us)
     return True
+
+
+@used_by_kernels
+def _charge(t_us: int, k: Any, s: Any) -> float:
+    """The battery's at the last decision."""
+    return charge_after(t_us - round(k[52]) - s[18], Drain(s[15], s[16], s[17]))
 
 
 @used_by_kernels
@@ -279,35 +363,48 @@ def _is_known(timetable: Any, streams: int, t_us: int) -> bool:
 
 
 @used_by_kernels
-def _earliest(timetable: Any, first: int, end: int) -> int:
+def _earliest(timetable: Any, first_kind: int) -> int:
+    """When a stream of this kind or a later one is due next."""
     earliest = _NEVER_US
-    for j in range(first, end):
-        earliest = min(earliest, timetable[0, j])
+    for j in range(timetable.shape[1]):
+        if timetable[3, j] >= first_kind:
+            earliest = min(earliest, timetable[0, j])
     return earliest
 
 
-@compiled
-def send_burst(
-    timetable: Any, links: Any, tables: Any, rows: Any, s: Any, tape: Any, room: Any, step_from: Any, result: Any
-) -> None:
-    """Messages of the steps step_from[0] to step_from[1]; step 0 is at step_from[2], the tape at step_from[3].
+@used_by_kernels
+def _send(
+    timetable: Any,
+    links: Any,
+    tables: Any,
+    rows: Any,
+    s: Any,
+    range_m: float,
+    tape: Any,
+    tape_at: int,
+    pings: int,
+    out: Any,
+    frames: Any,
+    from_us: int,
+    first: int,
+    last: int,
+) -> tuple[int, int, int, int, int, int]:
+    """Messages of the steps `first` to `last`; step 0 is at from_us. `timetable` and `links` go on.
 
-    `timetable` and `links` go on; `result` says what was made. `room` is the buffer, its frames, the numbers of a message and
-    the parts of a float.
+    Gives where it stopped, frames, the place on the tape, the last step with a message, frames before the last of all steps, and the
+    number of the last PING.
     """
     kinds, fields, templates = tables
     rows_b, rows_e, rows_k = rows
-    out, frames, v, value, parts = room
-    i, last, from_us, tape_at = step_from[0], step_from[1], step_from[2], step_from[3]
-    streams, count, before, end = timetable.shape[1], 0, 0, 0
-    next_us = _earliest(timetable, 0, streams)
-    result[3] = -1
-    while True:
-        i = max(i, -((from_us - next_us) // _STEP_US))
+    v, value = np.empty(_MOST_FIELDS), np.empty(1, np.float32)
+    parts = value.view(np.uint8)
+    i, streams, count, before, end, last_step = first, timetable.shape[1], 0, 0, 0, -1
+    while i <= last:
+        i = max(i, -((from_us - _earliest(timetable, 0)) // _STEP_US))
         t_us = from_us + i * _STEP_US
         if i > last or not _is_known(timetable, streams, t_us):
             break
-        result[3] = i
+        last_step = i
         imu_at = -1
         for link in range(links.shape[0]):
             while True:
@@ -316,10 +413,15 @@ def send_burst(
                     break
                 timetable[0, j] = max(timetable[0, j] + timetable[2, j], t_us + 1)
                 kind = timetable[3, j]
+                if kinds[kind, 2] == 0:
+                    continue
                 if kind == _IMU and imu_at < 0:
                     imu_at = tape_at
                     tape_at += values_of.IMU_NUMBERS if s[13] > 0.0 else 0
-                if not _fill(kind, v, t_us, rows_b[i], rows_e[i], rows_k[i], s, tape, imu_at):
+                pings += kind == _PING
+                if not _fill(
+                    kind, v, t_us, rows_b[i], rows_e[i], rows_k[i], s, range_m, tape, imu_at, links[link], pings
+                ):
                     continue
                 timetable[4, j] = t_us
                 begin = end
@@ -330,8 +432,68 @@ def send_burst(
                 frames[count, 0], frames[count, 1], frames[count, 2] = begin, end, link
                 count += 1
                 before += i < last
-        next_us = _earliest(timetable, 0, streams)
         i += 1
-    for link in range(links.shape[0]):
-        links[link, 5] = _earliest(timetable, links[link, 0], links[link, 1])
-    result[0], result[1], result[2], result[4] = i, count, tape_at, before
+    return i, count, tape_at, last_step, before, pings
+
+
+@compiled
+def fly_and_send(
+    b: Any,
+    e: Any,
+    k: Any,
+    rows_b: Any,
+    rows_e: Any,
+    rows_k: Any,
+    tape: Any,
+    at: int,
+    constants: Any,
+    wanted: Any,
+    wanted_next: Any,
+    wind: Vec3,
+    steps: int,
+    quiet_steps: int,
+    is_estimated: bool,
+    kept_from: int,
+    timetable: Any,
+    links: Any,
+    kinds: Any,
+    fields: Any,
+    templates: Any,
+    slow: Any,
+    range_m: float,
+    imu_tape: Any,
+    imu_at: int,
+    pings: int,
+    out: Any,
+    frames: Any,
+    from_us: int,
+    first: int,
+    last: int,
+) -> tuple[int, bool, int, int, int, int, int, int, int, int, int]:
+    """`fly_steadily`, and the messages of the steps from `first` on; with no steps to fly those of steps flown before, up to `last`.
+
+    Every array by itself: numba takes a tuple of arrays more slowly. Gives what `fly_steadily` and `_send` give, and when a message
+    and when a fresh template is due next.
+    """
+    rows = (rows_b, rows_e, rows_k)
+    done, waits, at = fly_steadily(
+        b, e, k, rows, tape, at, constants, wanted, wanted_next, wind, steps, quiet_steps, is_estimated, kept_from
+    )
+    stopped_at, count, imu_at, last_step, before, pings = _send(
+        timetable,
+        links,
+        (kinds, fields, templates),
+        rows,
+        slow,
+        range_m,
+        imu_tape,
+        imu_at,
+        pings,
+        out,
+        frames,
+        from_us,
+        first,
+        done - 1 if steps > 0 else last,
+    )
+    next_us, next_fresh_us = _earliest(timetable, 0), _earliest(timetable, FIRST_FRESH)
+    return done, waits, at, stopped_at, count, imu_at, last_step, before, pings, next_us, next_fresh_us

@@ -25,6 +25,7 @@ from sitl_stub.mavlink.frame import Frame
 from sitl_stub.mavlink.link import DISABLED, Link
 from sitl_stub.mavlink_timetable import FIRST_OTHERS_US, FIRST_US, TIMETABLES, least_interval_us
 from sitl_stub.stream_contents import CONTENTS, NEEDS_ESTIMATE_ONLY, SILENT_STREAMS, event
+from sitl_stub.stream_values import per_second
 from sitl_stub.telemetry import Telemetry
 
 SYSTEM_ID = 1
@@ -70,7 +71,7 @@ class MavlinkEndpoint:
         self._event_sequence = 0
         self._text_id = 0
         self._events: deque[tuple[int, bytes]] = deque(maxlen=_EVENT_MEMORY)
-        self._ping_sequence = 0
+        self.pings_sent = 0
         self._listings: dict[str, int] = {}
         self._next_burst_us = 0
         self._ground_station_us: int | None = None
@@ -188,15 +189,15 @@ class MavlinkEndpoint:
         return mav.TIMESYNC.struct.pack(0, self._telemetry.t_us * 1000, 0, 0)
 
     def _ping(self, link: Link) -> bytes:
-        self._ping_sequence += 1
-        return mav.PING.struct.pack(self._telemetry.t_us, self._ping_sequence, 0, 0)
+        self.pings_sent += 1
+        return mav.PING.struct.pack(self._telemetry.t_us, self.pings_sent, 0, 0)
 
     def _link_node_status(self, link: Link) -> bytes:
-        seconds = max(self._telemetry.t_us * 1e-6, 1.0)
+        t_us = self._telemetry.t_us
         return mav.LINK_NODE_STATUS.struct.pack(
-            self._telemetry.t_us,
-            round(link.bytes_sent / seconds),
-            round(link.bytes_received / seconds),
+            t_us,
+            per_second(link.bytes_sent, t_us),
+            per_second(link.bytes_received, t_us),
             link.messages_sent,
             link.messages_received,
             0,

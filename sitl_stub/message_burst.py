@@ -1,4 +1,4 @@
-"""Messages of many steady steps at once, where kernels are compiled: burst_kernel.py's tables, and the links' timetables in it.
+"""Steady flight and its messages in one call, where kernels are compiled: burst_kernel.py's tables, and the links' timetables in it.
 
 While the kernel keeps the timetables, the links know only when something is due next; they take them back when they need them (an
 interval changes, a step sends something that the kernel does not know). Called by steady_flight.py.
@@ -7,124 +7,223 @@ interval changes, a step sends something that the kernel does not know). Called 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from math import nan
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from sitl_stub.autopilot.cascade import PositionSetpointEcho
+from sitl_stub.autopilot.noise import NormalTape
 from sitl_stub.autopilot.vehicle_estimate import VehicleEstimate
 from sitl_stub.burst_kernel import (
+    COUNTERS,
     DUE,
     END,
     FIRST,
+    FIRST_FRESH,
     FRAME_SIZE,
     KIND_OF,
+    LANDED_STATE,
     LAST_SENT,
     LINK_SIZE,
     LONGEST_FRAME,
-    MOST_FIELDS,
     MOVING_FIELDS,
-    NEXT_DUE,
+    NO_STEP,
     ORDER,
-    RANGE,
-    RESULT_SIZE,
-    SEQUENCE,
+    RECEIVED,
     SLOW_SIZE,
     TIMETABLE_SIZE,
+    fly_and_send,
     layouts,
-    send_burst,
 )
 from sitl_stub.datagram_faults import Datagram
 from sitl_stub.mavlink.definitions import MessageType
 from sitl_stub.mavlink.link import Link, Stream
 from sitl_stub.mavlink_endpoint import MavlinkEndpoint
 from sitl_stub.multirotor import VehicleTruth
+from sitl_stub.rotation import Vec3
 from sitl_stub.stream_contents import CONTENTS
 from sitl_stub.stream_values import IMU_NUMBERS
 from sitl_stub.telemetry import Telemetry
 
+STEP_US = 4000
 _ZERO = (0.0, 0.0, 0.0)
+_SIZE, _PLACE = 2, 5
+_FRESH = [(kind, t.id) for t, (kind, _) in MOVING_FIELDS.items() if kind >= FIRST_FRESH and t.id in CONTENTS]
 _named = tuple.__new__
+
+
+class FlightArrays(NamedTuple):
+    """What `fly_steadily` works on; see there."""
+
+    body: Any
+    estimate: Any
+    control: Any
+    rows: tuple[Any, Any, Any]
+    tape: NormalTape
+
+
+class Asking(NamedTuple):
+    """What is flown: constants, setpoint now and after the next decision, wind."""
+
+    constants: Any
+    wanted: Any
+    wanted_next: Any
+    wind: Vec3
+
+
+class Sent(NamedTuple):
+    """Messages made: the first step not looked at, the last one with a message (-1: none), datagrams before the last step, and of it."""
+
+    stopped_at: int
+    last_step: int
+    before: list[Datagram]
+    held: list[Datagram]
 
 
 class MessageBurst:
     """Both links of one vehicle; `most_steps` is the size of the rows given."""
 
-    def __init__(self, telemetry: Telemetry, endpoint: MavlinkEndpoint, rows: Any, most_steps: int) -> None:
-        self._telemetry, self._endpoint, self._rows, self._most_steps = telemetry, endpoint, rows, most_steps
+    def __init__(self, telemetry: Telemetry, endpoint: MavlinkEndpoint, arrays: FlightArrays, most_steps: int) -> None:
+        self._telemetry, self._endpoint, self._most_steps = telemetry, endpoint, most_steps
+        self._arrays = arrays
         tables = layouts(_templates(telemetry))
-        self._tables = (tables.kinds, tables.fields, tables.templates)
+        self._kinds, self._fields, self._templates = tables.kinds, tables.fields, tables.templates
+        self._sizes = tables.kinds[:, _SIZE].copy()
         self._slow = np.zeros(SLOW_SIZE)
-        self._asked = np.zeros(4, np.int64)
-        self._result = np.zeros(RESULT_SIZE, np.int64)
+        self._range_m = nan
         self._links: list[Link] = []
         self._names: list[str] = []
-        self._counters: list[tuple[int, int, int]] = []
         self._streams: list[Stream] = []
-        self._room = _room_for(1)
+        self._out, self._frames = _room_for(1)
         self._timetable = np.zeros((TIMETABLE_SIZE, 0), np.int64)
         self._state = np.zeros((0, LINK_SIZE), np.int64)
-        if not send_burst.signatures:  # type: ignore[attr-defined]
-            self._call(telemetry.imu_noise.numbers)  # loaded or compiled before the first flight, not in it
+        self._next_fresh_us = 0
+
+    def warm_up(self, asking: Asking) -> None:
+        """Have the kernel loaded or compiled before the first flight, not in it."""
+        if not fly_and_send.signatures:  # type: ignore[attr-defined]
+            self._arrays.tape.reserve(1)
+            self._telemetry.imu_noise.reserve(1)
+            self._call(asking, 0, 0, False, 0, 0, NO_STEP, 0)
 
     def set_slow(self, values: list[float]) -> None:
         """Everything that changes with a decision at most; see burst_kernel.py for the places."""
-        self._slow[:RANGE] = values
+        self._slow[:] = values
 
-    def send(
-        self, from_us: int, first: int, last: int, range_m: float
-    ) -> tuple[int, int, list[Datagram], list[Datagram]]:
-        """Send what is due in the steps `first` to `last` of the rows, whose step 0 was at from_us, as far as it can be made here. `range_m` NaN is
-        no valid range.
+    def fly(
+        self,
+        asking: Asking,
+        steps: int,
+        quiet_steps: int,
+        is_estimated: bool,
+        kept_from: int,
+        from_us: int,
+        range_m: float | None,
+    ) -> tuple[int, bool, Sent]:
+        """Fly up to so many steps from from_us and send their messages; `range_m` None is no valid range."""
+        self._get_ready(steps, from_us + (steps - 1) * STEP_US, range_m)
+        result = self._call(asking, steps, quiet_steps, is_estimated, kept_from, from_us, 0, 0)
+        return result[0], result[1], self._sent(result)
 
-        Gives the first step it has not looked at, the last one with a message (-1: none), and the datagrams: those of the
-        steps before `last`, and those of `last`.
-        """
+    def fly_only(
+        self, asking: Asking, steps: int, quiet_steps: int, is_estimated: bool, kept_from: int
+    ) -> tuple[int, bool]:
+        """Fly without sending."""
+        result = self._call(asking, steps, quiet_steps, is_estimated, kept_from, 0, NO_STEP, 0)
+        return result[0], result[1]
+
+    def send(self, asking: Asking, from_us: int, first: int, last: int, range_m: float | None) -> Sent:
+        """Send what is due in the steps `first` to `last` of those flown, whose step 0 was at from_us, as far as it can be made here."""
+        self._get_ready(last + 1, from_us + last * STEP_US, range_m)
+        return self._sent(self._call(asking, 0, 0, False, 0, from_us, first, last))
+
+    def _get_ready(self, steps: int, last_us: int, range_m: float | None) -> None:
         if not self._links or self._links[0].keeper is None:
             self._borrow()
-        tape = self._telemetry.imu_noise
-        tape.reserve(IMU_NUMBERS * (last + 1 - first))
-        counters = [(link.sequence, link.messages_sent, link.bytes_sent) for link in self._links]
-        if counters != self._counters:
-            self._state[:, SEQUENCE:NEXT_DUE] = counters
-        self._slow[RANGE] = range_m
-        asked = self._asked
-        asked[0], asked[1], asked[2], asked[3] = first, last, from_us, tape.at
-        self._call(tape.numbers)
-        stopped_at, count, tape.at, last_step, count_before = self._result.tolist()
-        self._counters = []
-        for (_, _, *numbers), link in zip(self._state.tolist(), self._links, strict=True):
-            link.sequence, link.messages_sent, link.bytes_sent, link.kept_due_us = numbers
-            self._counters.append((numbers[0], numbers[1], numbers[2]))
-        self._endpoint.look_ahead()
-        sent = self._datagrams(count) if count else []
-        return stopped_at, last_step, sent[:count_before], sent[count_before:]
+        if self._next_fresh_us <= last_us:
+            self._refresh()
+        self._telemetry.imu_noise.reserve(IMU_NUMBERS * steps)
+        self._range_m = nan if range_m is None else range_m
 
-    def _call(self, numbers: Any) -> None:
-        send_burst(
+    def _call(
+        self,
+        asking: Asking,
+        steps: int,
+        quiet_steps: int,
+        is_estimated: bool,
+        kept_from: int,
+        from_us: int,
+        first: int,
+        last: int,
+    ) -> tuple[int, bool, int, int, int, int, int, int, int, int, int]:
+        body, estimate, control, (rows_b, rows_e, rows_k), tape = self._arrays
+        imu = self._telemetry.imu_noise
+        result = fly_and_send(
+            body,
+            estimate,
+            control,
+            rows_b,
+            rows_e,
+            rows_k,
+            tape.numbers,
+            tape.at,
+            *asking,
+            steps,
+            quiet_steps,
+            is_estimated,
+            kept_from,
             self._timetable,
             self._state,
-            self._tables,
-            self._rows,
+            self._kinds,
+            self._fields,
+            self._templates,
             self._slow,
-            numbers,
-            self._room,
-            self._asked,
-            self._result,
+            self._range_m,
+            imu.numbers,
+            imu.at,
+            self._endpoint.pings_sent,
+            self._out,
+            self._frames,
+            from_us,
+            first,
+            last,
         )
+        tape.at = result[2]
+        return result
 
-    def _datagrams(self, count: int) -> list[Datagram]:
-        """In the order in which they are drained: by step, and within a step by link."""
-        frames = self._room[1][:count].tolist()
-        data = self._room[0][: frames[-1][1]].tobytes()
-        names = self._names
-        return [_named(Datagram, (names[link], data[begin:end])) for begin, end, link in frames]
+    def _sent(self, result: tuple[int, bool, int, int, int, int, int, int, int, int, int]) -> Sent:
+        """Note what the kernel has sent, and name the datagrams: in the order in which they are drained, by step, then by link."""
+        _, _, _, stopped_at, count, imu_at, last_step, before, pings, next_us, self._next_fresh_us = result
+        self._telemetry.imu_noise.at, endpoint = imu_at, self._endpoint
+        endpoint.pings_sent = pings
+        endpoint.next_due_us = next_us
+        for link in self._links:
+            link.kept_due_us = next_us
+        if not count:
+            return Sent(stopped_at, last_step, [], [])
+        frames, names = self._frames[:count].tolist(), self._names
+        data = self._out[: frames[-1][1]].tobytes()
+        sent = [_named(Datagram, (names[link], data[begin:end])) for begin, end, link in frames]
+        return Sent(stopped_at, last_step, sent[:before], sent[before:])
+
+    def _refresh(self) -> None:
+        """Make the templates anew that say much of the autopilot, and note what was received: one of them is due."""
+        telemetry, kinds = self._telemetry, self._kinds
+        telemetry.landed_state = int(self._slow[LANDED_STATE])
+        for kind, message_id in _FRESH:
+            payload = CONTENTS[message_id](telemetry)
+            kinds[kind, _SIZE] = 0 if payload is None else self._sizes[kind]
+            if payload is not None:
+                place = kinds[kind, _PLACE]
+                self._templates[place : place + len(payload)] = np.frombuffer(payload, np.uint8)
+        for row, link in zip(self._state, self._links, strict=True):
+            row[RECEIVED:] = link.messages_received, link.bytes_received
 
     def _borrow(self) -> None:
         """Take the timetables over from the links."""
         self._links = self._endpoint.active_links
         self._names = [link.name for link in self._links]
-        self._counters = []
         streams = [link.timetable() for link in self._links]
         rows = [
             (due_us, order, stream.interval_us, KIND_OF.get(stream.message_type.id, 0), stream.last_sent_us)
@@ -137,30 +236,26 @@ class MessageBurst:
         self._state = np.zeros((len(self._links), LINK_SIZE), np.int64)
         self._state[:, FIRST], self._state[:, END] = ends - [len(of_link) for of_link in streams], ends
         most = self._most_steps * max(len(rows), 1)
-        if len(self._room[1]) < most:
-            self._room = _room_for(most)
-        for link in self._links:
-            link.keeper = self._give_back
+        if len(self._frames) < most:
+            self._out, self._frames = _room_for(most)
+        for row, link in zip(self._state, self._links, strict=True):
+            row[COUNTERS:RECEIVED] = link.counters
+            link.counters, link.keeper = row[COUNTERS:RECEIVED], self._give_back
+        self._next_fresh_us = 0
 
     def _give_back(self) -> None:
         columns = list(zip(self._timetable.T.tolist(), self._streams, strict=True))
         for link, (first, end, *_) in zip(self._links, self._state.tolist(), strict=True):
             link.keeper = None
+            link.counters = link.counters.tolist()
             link.set_timetable([(column[DUE], column[ORDER], stream) for column, stream in columns[first:end]])
         for column, stream in columns:
             stream.last_sent_us = column[LAST_SENT]
 
 
-def _room_for(frames: int) -> Any:
-    """Buffer, frames, the numbers of a message, and a float of four bytes with the same bytes beside it."""
-    single = np.zeros(1, np.float32)
-    return (
-        np.zeros(frames * LONGEST_FRAME, np.uint8),
-        np.zeros((frames, FRAME_SIZE), np.int64),
-        np.zeros(MOST_FIELDS),
-        single,
-        single.view(np.uint8),
-    )
+def _room_for(frames: int) -> tuple[Any, Any]:
+    """A buffer, and begin, end and link of the frames in it."""
+    return np.zeros(frames * LONGEST_FRAME, np.uint8), np.zeros((frames, FRAME_SIZE), np.int64)
 
 
 def _templates(telemetry: Telemetry) -> dict[MessageType, bytes]:

@@ -7,13 +7,13 @@ One function a message: telemetry in, payload bytes out, or None when PX4 has no
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import atan2, cos, hypot, isfinite, nan, sin
+from math import cos, isfinite, nan, sin
 from struct import Struct
 
 from sitl_stub import stream_values as values_of
 from sitl_stub.autopilot.events import Notice, event_id
 from sitl_stub.mavlink import definitions as mav
-from sitl_stub.stream_values import IMU_NUMBERS, MOTOR_OFF_US, HomeAltitude, clip16, heading_cdeg
+from sitl_stub.stream_values import IMU_NUMBERS, MOTOR_OFF_US, HomeAltitude, clip16
 from sitl_stub.telemetry import Telemetry
 
 Content = Callable[[Telemetry], bytes | None]
@@ -209,8 +209,7 @@ _CELL_UNUSED = (65535,) * 9
 
 @_streams(mav.BATTERY_STATUS)
 def battery_status(t: Telemetry) -> bytes:
-    millivolts = round(t.battery.voltage_v * 1000.0)
-    percent = round(t.battery.charge * 100.0)
+    millivolts, percent = values_of.millivolts(t.battery.voltage_v), values_of.percent(t.battery.charge)
     warning = t.battery.warning()
     charge_state = 1 if warning is None else {"low": 2, "critical": 3, "emergency": 4}[warning]
     return mav.BATTERY_STATUS.struct.pack(
@@ -329,20 +328,15 @@ def gnss_integrity(t: Telemetry) -> bytes:
 @_streams(mav.OPEN_DRONE_ID_LOCATION)
 def open_drone_id_location(t: Telemetry) -> bytes:
     e = t.estimate
-    latitude, longitude = t.origin.to_global(e.position_ned_m[0], e.position_ned_m[1])
-    vx, vy, vz = e.velocity_ned_m_s
-    altitude_m = _altitude_m(t)
-    height = altitude_m - t.home.altitude_amsl_m if t.home.is_set else -1000.0
+    *place, direction, speed, climb = values_of.drone_location(
+        e.position_ned_m, e.velocity_ned_m_s, t.origin.numbers, _home_altitude(t)
+    )
     return mav.OPEN_DRONE_ID_LOCATION.struct.pack(
-        round(latitude * 1e7),
-        round(longitude * 1e7),
-        altitude_m,
-        float(round(altitude_m)),
-        height,
+        *place,
         65535.0,
-        heading_cdeg(atan2(vy, vx)),
-        min(round(hypot(vx, vy) * 100.0), 25425),
-        clip16(-vz * 100.0),
+        direction,
+        speed,
+        climb,
         0,
         0,
         bytes(20),
@@ -365,7 +359,7 @@ def open_drone_id_system(t: Telemetry) -> bytes:
         -1000.0,
         -1000.0,
         t.home.altitude_amsl_m,
-        (t.unix_start_us + t.t_us) // 1_000_000 & 0xFFFFFFFF,
+        values_of.unix_seconds(t.unix_start_us + t.t_us),
         1,
         0,
         0,

@@ -173,6 +173,48 @@ def global_target(position: Vec3, origin: OriginNumbers) -> tuple[int, int, floa
 
 
 @used_by_kernels
+def drone_location(
+    position: Vec3, velocity: Vec3, origin: OriginNumbers, home: HomeAltitude
+) -> tuple[int, int, float, float, float, int, int, int]:
+    """OPEN_DRONE_ID_LOCATION up to its height, then direction and both speeds."""
+    latitude, longitude = to_global(origin, position[0], position[1])
+    vx, vy, vz = velocity
+    amsl = altitude_m(origin, position[2])
+    return (
+        round(latitude * 1e7),
+        round(longitude * 1e7),
+        amsl,
+        float(round(amsl)),
+        amsl - home.amsl_m if home.is_set else -1000.0,
+        heading_cdeg(atan2(vy, vx)),
+        min(round(sqrt(vx * vx + vy * vy) * 100.0), 25425),
+        clip16(-vz * 100.0),
+    )
+
+
+@used_by_kernels
+def per_second(count: int, t_us: int) -> int:
+    """A mean rate since boot."""
+    return round(count / max(t_us * 1e-6, 1.0))
+
+
+@used_by_kernels
+def unix_seconds(unix_us: int) -> int:
+    """As 32 bits take it."""
+    return unix_us // 1_000_000 & 0xFFFFFFFF
+
+
+@used_by_kernels
+def millivolts(voltage_v: float) -> int:
+    return round(voltage_v * 1000.0)
+
+
+@used_by_kernels
+def percent(charge: float) -> int:
+    return round(charge * 100.0)
+
+
+@used_by_kernels
 def sys_status(
     can_fly: bool, has_gps: bool, charge: float, voltage_v: float
 ) -> tuple[int, int, int, int, int, int, int]:
@@ -185,7 +227,7 @@ def sys_status(
         _SENSORS_ENABLED,
         health,
         140,
-        round(voltage_v * 1000.0),
+        millivolts(voltage_v),
         -100,
-        round(charge * 100.0),
+        percent(charge),
     )

@@ -233,7 +233,8 @@ class World:
             steady.leave(t_us)
             return False
         range_m, wind = self._range.value_m, self._wind_here()
-        done, waits = steady.fly(t_us, self._free_steps(t_us, end_us), wind, range_m)
+        sends = self._from_vehicle.is_clear()
+        done, waits = steady.fly(t_us, self._free_steps(t_us, end_us), wind, range_m, sends=sends)
         if done:
             self._wind.skip(done - 1, STEP_S)
             self._wind_ahead = None

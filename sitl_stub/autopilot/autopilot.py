@@ -483,6 +483,7 @@ class Autopilot:
         down = estimate.position_z_jump_m if seen[1] != self._resets_seen[1] else 0.0
         self._auto_flight.shift((north, east, down))
         self._resets_seen = seen
+        self.telemetry.estimate_resets = self.estimate_resets
 
     # Flight tasks -------------------------------------------------------------------------------------------------
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from heapq import heappop, heappush, heapreplace
+from typing import Any
 
 from sitl_stub.mavlink.definitions import MessageType
 from sitl_stub.mavlink.frame import FrameReader, encode
@@ -39,11 +40,10 @@ class Link:
         self._streams: dict[int, Stream] = {}
         self.enabled = True
         self.ground_station_seen_us: int | None = None
-        self.messages_sent = 0
         self.messages_received = 0
-        self.bytes_sent = 0
         self.bytes_received = 0
-        self.sequence = 0
+        self.counters: Any = [0, 0, 0]
+        """Next sequence number, messages and bytes sent; while somebody else keeps the timetable, its row of an array."""
         self._system_id = system_id
         self._component_id = component_id
         self._due: list[tuple[int, int, int, Stream]] = []
@@ -51,6 +51,14 @@ class Link:
         self.keeper: Callable[[], None] | None = None
         """Writes the timetable back; set while somebody else keeps it and says in `kept_due_us` when a stream is due."""
         self.kept_due_us = 0
+
+    @property
+    def messages_sent(self) -> int:
+        return int(self.counters[1])
+
+    @property
+    def bytes_sent(self) -> int:
+        return int(self.counters[2])
 
     @property
     def streams(self) -> dict[int, Stream]:
@@ -75,14 +83,15 @@ class Link:
         """Frame a payload and put it on the way."""
         if not self.enabled:
             return
-        sequence = self.sequence
+        counters = self.counters
+        sequence = int(counters[0])
         if self.signing.is_active:
             frame = self.signing.sign(encode(message_type, payload, sequence, self._system_id, self._component_id, 1))
         else:
             frame = encode(message_type, payload, sequence, self._system_id, self._component_id)
-        self.sequence = (sequence + 1) & 0xFF
-        self.messages_sent += 1
-        self.bytes_sent += len(frame)
+        counters[0] = (sequence + 1) & 0xFF
+        counters[1] += 1
+        counters[2] += len(frame)
         self.out.append(frame)
 
     def send_values(self, message_type: MessageType, *values: float | int | bytes) -> None:

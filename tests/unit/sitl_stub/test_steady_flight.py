@@ -72,6 +72,7 @@ FLIGHTS: dict[str, tuple[str, float | None, float, dict[str, object]]] = {
     "hovering": ("figure8", None, 4.0, {}),
     "steady wind": ("line", 0.2, 3.0, {"wind.gust_sigma_m_s": 0.0}),
     "faults": ("line", 0.2, 4.0, {"faults": FAULTS}),
+    "late faults": ("line", 0.2, 4.0, {"faults": [{**fault, "start_s": 2.26} for fault in FAULTS]}),
 }
 
 
@@ -133,8 +134,8 @@ def test_a_hovering_vehicle_flies_steadily() -> None:
     flight = world._steady
     fly = flight.fly
 
-    def counted(*arguments: object) -> tuple[int, bool]:
-        done, waits = fly(*arguments)  # type: ignore[arg-type]
+    def counted(*arguments: object, **named: object) -> tuple[int, bool]:
+        done, waits = fly(*arguments, **named)  # type: ignore[arg-type]
         made.append(done)
         return done, waits
 
