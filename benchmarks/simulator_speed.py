@@ -220,7 +220,6 @@ PARTS: tuple[tuple[type, str], ...] = (
     (World, "step"),
     (World, "_take_in"),
     (World, "_fly_steadily"),
-    (World, "_wind_here"),
     (SteadyFlight, "fly"),
     (SteadyFlight, "send_many"),
     (SteadyFlight, "send"),

@@ -22,7 +22,6 @@ from sitl_stub.geodesy import OriginNumbers
 from sitl_stub.mavlink import definitions as mav
 from sitl_stub.mavlink.definitions import MessageType
 from sitl_stub.multirotor import specific_force
-from sitl_stub.rotation import Vec3
 from sitl_stub.steady_kernel import fly_steadily
 
 Integers = npt.NDArray[np.int64]
@@ -449,7 +448,9 @@ def fly_and_send(
     constants: Any,
     wanted: Any,
     wanted_next: Any,
-    wind: Vec3,
+    air: Any,
+    gusts: Any,
+    gust_at: int,
     steps: int,
     quiet_steps: int,
     is_estimated: bool,
@@ -469,15 +470,30 @@ def fly_and_send(
     from_us: int,
     first: int,
     last: int,
-) -> tuple[int, bool, int, int, int, int, int, int, int, int, int]:
+) -> tuple[int, bool, int, int, int, int, int, int, int, int, int, int]:
     """`fly_steadily`, and the messages of the steps from `first` on; with no steps to fly those of steps flown before, up to `last`.
 
     Every array by itself: numba takes a tuple of arrays more slowly. Gives what `fly_steadily` and `_send` give, and when a message
     and when a fresh template is due next.
     """
     rows = (rows_b, rows_e, rows_k)
-    done, waits, at = fly_steadily(
-        b, e, k, rows, tape, at, constants, wanted, wanted_next, wind, steps, quiet_steps, is_estimated, kept_from
+    done, waits, at, gust_at = fly_steadily(
+        b,
+        e,
+        k,
+        rows,
+        tape,
+        at,
+        constants,
+        wanted,
+        wanted_next,
+        air,
+        gusts,
+        gust_at,
+        steps,
+        quiet_steps,
+        is_estimated,
+        kept_from,
     )
     stopped_at, count, imu_at, last_step, before, pings = _send(
         timetable,
@@ -496,4 +512,4 @@ def fly_and_send(
         done - 1 if steps > 0 else last,
     )
     next_us, next_fresh_us = _earliest(timetable, 0), _earliest(timetable, FIRST_FRESH)
-    return done, waits, at, stopped_at, count, imu_at, last_step, before, pings, next_us, next_fresh_us
+    return done, waits, at, gust_at, stopped_at, count, imu_at, last_step, before, pings, next_us, next_fresh_us

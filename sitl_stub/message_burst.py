@@ -41,16 +41,18 @@ from sitl_stub.mavlink.definitions import MessageType
 from sitl_stub.mavlink.link import Link, Stream
 from sitl_stub.mavlink_endpoint import MavlinkEndpoint
 from sitl_stub.multirotor import VehicleTruth
-from sitl_stub.rotation import Vec3
 from sitl_stub.stream_contents import CONTENTS
 from sitl_stub.stream_values import IMU_NUMBERS
 from sitl_stub.telemetry import Telemetry
+from sitl_stub.wind import Wind
 
 STEP_US = 4000
 _ZERO = (0.0, 0.0, 0.0)
 _SIZE, _PLACE = 2, 5
 _FRESH = [(kind, t.id) for t, (kind, _) in MOVING_FIELDS.items() if kind >= FIRST_FRESH and t.id in CONTENTS]
 _named = tuple.__new__
+Result = tuple[int, bool, int, int, int, int, int, int, int, int, int, int]
+"""Of `fly_and_send`."""
 
 
 class FlightArrays(NamedTuple):
@@ -64,12 +66,12 @@ class FlightArrays(NamedTuple):
 
 
 class Asking(NamedTuple):
-    """What is flown: constants, setpoint now and after the next decision, wind."""
+    """What is flown: constants, setpoint now and after the next decision, and the air."""
 
     constants: Any
     wanted: Any
     wanted_next: Any
-    wind: Vec3
+    wind: Wind
 
 
 class Sent(NamedTuple):
@@ -156,9 +158,9 @@ class MessageBurst:
         from_us: int,
         first: int,
         last: int,
-    ) -> tuple[int, bool, int, int, int, int, int, int, int, int, int]:
+    ) -> Result:
         body, estimate, control, (rows_b, rows_e, rows_k), tape = self._arrays
-        imu = self._telemetry.imu_noise
+        imu, (constants, wanted, wanted_next, wind) = self._telemetry.imu_noise, asking
         result = fly_and_send(
             body,
             estimate,
@@ -168,7 +170,12 @@ class MessageBurst:
             rows_k,
             tape.numbers,
             tape.at,
-            *asking,
+            constants,
+            wanted,
+            wanted_next,
+            wind.flat,
+            wind.tape.numbers,
+            wind.tape.at,
             steps,
             quiet_steps,
             is_estimated,
@@ -189,12 +196,12 @@ class MessageBurst:
             first,
             last,
         )
-        tape.at = result[2]
+        tape.at, wind.tape.at = result[2], result[3]
         return result
 
-    def _sent(self, result: tuple[int, bool, int, int, int, int, int, int, int, int, int]) -> Sent:
+    def _sent(self, result: Result) -> Sent:
         """Note what the kernel has sent, and name the datagrams: in the order in which they are drained, by step, then by link."""
-        _, _, _, stopped_at, count, imu_at, last_step, before, pings, next_us, self._next_fresh_us = result
+        _, _, _, _, stopped_at, count, imu_at, last_step, before, pings, next_us, self._next_fresh_us = result
         self._telemetry.imu_noise.at, endpoint = imu_at, self._endpoint
         endpoint.pings_sent = pings
         endpoint.next_due_us = next_us

@@ -22,7 +22,6 @@ from sitl_stub.compiled import COMPILED, room
 from sitl_stub.datagram_faults import Datagram
 from sitl_stub.message_burst import Asking, FlightArrays, MessageBurst, Sent
 from sitl_stub.multirotor import BodyState, Multirotor, truth_of
-from sitl_stub.rotation import Vec3
 from sitl_stub.steady_kernel import (
     BODY_SIZE,
     DECISION_PERIOD_US,
@@ -34,6 +33,7 @@ from sitl_stub.steady_kernel import (
     for_kernel,
     put_body,
 )
+from sitl_stub.wind import NUMBERS_A_STEP, Wind, still_air
 
 MOST_STEPS = 50
 
@@ -70,6 +70,7 @@ class SteadyFlight:
         self._reasons: object = None
         self._burst: MessageBurst | None = None
         self._slow_is_known = False
+        self._still_air = still_air()
         self._sent: Sent | None = None
         """Messages that were made while flying, until `send_many` hands them out."""
         if COMPILED:
@@ -77,7 +78,7 @@ class SteadyFlight:
             arrays = FlightArrays(self._b, estimator.flat, self._k, self._rows, estimator.tape)
             self._burst = MessageBurst(autopilot.telemetry, autopilot.endpoint, arrays, MOST_STEPS)
             constants = for_kernel(self._constants(estimator.model))
-            self._burst.warm_up(Asking(constants, self._wanted, self._wanted, (0.0, 0.0, 0.0)))
+            self._burst.warm_up(Asking(constants, self._wanted, self._wanted, self._still_air))
 
     def _constants(self, model: ErrorModel) -> FlightConstants:
         autopilot, vehicle = self._autopilot, self._vehicle
@@ -163,7 +164,7 @@ class SteadyFlight:
 
     # Flying ---------------------------------------------------------------------------------------------------------
 
-    def fly(self, t_us: int, steps: int, wind: Vec3, range_m: float | None, *, sends: bool = False) -> tuple[int, bool]:
+    def fly(self, t_us: int, steps: int, wind: Wind, range_m: float | None, *, sends: bool = False) -> tuple[int, bool]:
         """Fly up to so many steps from t_us; gives how many were flown, and whether the last one waits for `decide`.
 
         `sends`: messages may be made at once, for `send_many`.
@@ -173,6 +174,7 @@ class SteadyFlight:
         tape = autopilot.estimator.tape
         steps = min(steps, MOST_STEPS)
         tape.reserve(steps * MOST_NUMBERS_A_STEP)
+        wind.tape.reserve(steps * NUMBERS_A_STEP)
         self._from_us = t_us
         kept_from = max(0, -((t_us - autopilot.next_message_us()) // STEP_US))
         quiet_steps = max(0, -((t_us - self._calm_until_us) // STEP_US)) if self._task_waits else 0
@@ -187,14 +189,17 @@ class SteadyFlight:
         asking = Asking(self._c, self._wanted, self._wanted if self._asked_next is None else self._wanted_next, wind)
         burst, is_estimated, self._sent = self._burst, self._is_estimated, None
         if burst is None:
-            done, waits, tape.at = fly_steadily(
+            done, waits, tape.at, wind.tape.at = fly_steadily(
                 self._b,
                 autopilot.estimator.flat,
                 self._k,
                 self._rows,
                 tape.numbers,
                 tape.at,
-                *asking,
+                *asking[:3],
+                wind.flat,
+                wind.tape.numbers,
+                wind.tape.at,
                 steps,
                 quiet_steps,
                 is_estimated,
@@ -240,7 +245,7 @@ class SteadyFlight:
                 return last_us + STEP_US, [], []
             self._know_slow(burst)
             first, last = (t_us - self._from_us) // STEP_US, (last_us - self._from_us) // STEP_US
-            asking = Asking(self._c, self._wanted, self._wanted, (0.0, 0.0, 0.0))
+            asking = Asking(self._c, self._wanted, self._wanted, self._still_air)
             sent = burst.send(asking, self._from_us, first, last, range_m)
         stopped_at, at, before, held = sent
         if at >= 0:

@@ -19,6 +19,7 @@ from sitl_stub.autopilot.steady_control import STEP_S, Asked, LoopConstants, con
 from sitl_stub.compiled import COMPILED, room, used_by_kernels
 from sitl_stub.multirotor import Motors, advance
 from sitl_stub.rotation import Vec3
+from sitl_stub.wind import blow
 
 STEP_US = 4000
 BODY_SIZE = 20
@@ -177,13 +178,15 @@ def fly_steadily(
     constants: Any,
     wanted: Any,
     wanted_next: Any,
-    wind: Vec3,
+    air: Any,
+    gusts: Any,
+    gust_at: int,
     steps: int,
     quiet_steps: int,
     is_estimated: bool,
     kept_from: int,
-) -> tuple[int, bool, int]:
-    """Up to `steps` steps; gives how many were made, whether it waits for a decision, and the place on the tape.
+) -> tuple[int, bool, int, int]:
+    """Up to `steps` steps; gives how many were made, whether it waits for a decision, and the places on the tapes: estimator's, gusts'.
 
     Decisions of the first `quiet_steps` steps are known to change nothing but the setpoint, to `wanted_next`. `is_estimated`: the first step's estimate and
     decision are made. From step `kept_from` on, the state that messages are made of is kept in `rows`.
@@ -191,7 +194,6 @@ def fly_steadily(
     c, asked = _constants_of(constants), _asked_of(wanted)
     state = _state_of(b)
     acceleration = (b[17], b[18], b[19])
-    loads = (wind[0], wind[1], wind[2], 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     rows_b, rows_e, rows_k = rows
     body, health, model, loops, limits = c
     done, waits = 0, False
@@ -211,7 +213,9 @@ def fly_steadily(
             put_body(rows_b[i], state, acceleration)
             rows_e[i][:] = e
             rows_k[i][:] = k
+        gust_at = blow(air, gusts, gust_at, STEP_S, -state[2])
+        loads = (air[0], air[1], air[2], 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         state, acceleration = advance(state, body, (k[28], k[29], k[30], k[31]), health, loads, STEP_S)
         done += 1
     put_body(b, state, acceleration)
-    return done, waits, at
+    return done, waits, at, gust_at

@@ -10,7 +10,7 @@ from sitl_stub.autopilot.estimate import EstimateErrors
 from sitl_stub.geodesy import Origin
 from sitl_stub.multirotor import VehicleTruth
 from sitl_stub.scenario import Scenario, ScenarioError, find
-from sitl_stub.wind import DrydenWind, SteadyWind, StillAir, Wind
+from sitl_stub.wind import Wind, dryden_wind, steady_wind, still_air
 
 
 def read_vehicle(scenario: Scenario) -> Airframe:
@@ -43,9 +43,9 @@ def make_wind(scenario: Scenario, from_rad: float, rng: np.random.Generator) -> 
     """The scenario's wind; steady without gusts."""
     wind = scenario.wind
     if wind.model == "none":
-        return StillAir()
+        return still_air()
     vertical = wind.vertical_gust_sigma_m_s
     vertical = 0.5 * wind.gust_sigma_m_s if vertical is None else vertical
     if wind.gust_sigma_m_s == 0.0 and vertical == 0.0:
-        return SteadyWind(wind.mean_m_s, from_rad)
-    return DrydenWind(wind.mean_m_s, from_rad, wind.gust_sigma_m_s, vertical, rng)
+        return steady_wind(wind.mean_m_s, from_rad)
+    return dryden_wind(wind.mean_m_s, from_rad, wind.gust_sigma_m_s, vertical, rng)

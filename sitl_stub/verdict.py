@@ -165,7 +165,8 @@ class Judge:
 
     def free(self, t_s: float, motors_run: bool) -> None:
         """The short way while nothing is near: only the time and the motors matter."""
-        if self.is_over:
+        flies_on = motors_run and self._motors_ran and self._has_flown
+        if (flies_on and t_s < self._limit_s) or self.is_over:
             return
         self._has_flown = self._has_flown or motors_run
         self._watch_motors(t_s, motors_run, touching=False, gap_m=math.inf)

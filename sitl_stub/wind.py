@@ -8,12 +8,13 @@ out). Gusts are drawn at 50 Hz and held. World calls `step` each 4 ms; the gener
 
 from __future__ import annotations
 
-from math import cos, log, sin, sqrt
-from typing import Protocol
+from math import cos, inf, log, sin, sqrt
+from typing import Any
 
 import numpy as np
 
-from sitl_stub.compiled import compiled, used_by_kernels
+from sitl_stub.autopilot.noise import NormalTape
+from sitl_stub.compiled import COMPILED, compiled, room, used_by_kernels
 from sitl_stub.rotation import Vec3
 
 _REFERENCE_HEIGHT_M = 6.096
@@ -23,9 +24,16 @@ _GUST_PERIOD_S = 0.02
 _GUST_DUE_S = _GUST_PERIOD_S - 1e-9
 _LEAST_SPEED_M_S = 2.0
 _FOOT_M = 0.3048
-_BLOCK = 1024
 _REFERENCE_LOG = log(_REFERENCE_HEIGHT_M / _ROUGHNESS_M)
 _ROOT_2, _ROOT_3 = sqrt(2.0), sqrt(3.0)
+NUMBERS_A_STEP = 3
+"""Random numbers that a step can draw."""
+_NO_GUST = (0.0, 0.0, 0.0, 0.0, 0.0)
+
+# Places in the flat state of the air. The kernel's functions write them as numbers: a name is looked up at each use.
+NOW, SINCE_S, GUST, AIR, DUE_S = 0, 3, 4, 9, 14
+"""Velocity; time since the last gust; five states of unit variance; mean speed at 6.1 m, the direction it goes (north, east), standard
+deviations of horizontal and vertical gusts; when a gust is due: infinite never, 0 at each step, without gusts."""
 
 Gust = tuple[float, float, float, float, float]
 """States of unit variance: along; across, two; vertical, two."""
@@ -33,29 +41,56 @@ Air = tuple[float, float, float, float, float]
 """Mean speed at 6.1 m, the direction it goes (north, east), standard deviations of horizontal and vertical gusts."""
 
 
-class Wind(Protocol):
-    """Velocity of the air in W at a height above the ground."""
+class Wind:
+    """Velocity of the air in W at a height above the ground; `flat` and `tape` are what kernels take."""
 
-    def step(self, dt_s: float, height_m: float) -> Vec3: ...
-
-    def steady_steps(self, dt_s: float) -> int:
-        """How many more steps give what the last one gave, at any height."""
-
-    def skip(self, steps: int, dt_s: float) -> None:
-        """Go on by so many of them."""
-
-
-class StillAir:
-    """No wind."""
+    def __init__(self, gust: Gust, air: Air, due_s: float, tape: NormalTape) -> None:
+        self.flat: Any = room([0.0, 0.0, 0.0, _GUST_PERIOD_S, *gust, *air, due_s])
+        self.tape = tape
+        tape.reserve(NUMBERS_A_STEP)
+        blow(room([*self.flat]), tape.numbers, tape.at, 0.0, 1.0)  # compiled before the first flight, not in it
 
     def step(self, dt_s: float, height_m: float) -> Vec3:
-        return (0.0, 0.0, 0.0)
+        """The air of the coming step."""
+        tape = self.tape
+        tape.reserve(NUMBERS_A_STEP)
+        tape.at = blow(self.flat, tape.numbers, tape.at, dt_s, height_m)
+        return self.now
 
-    def steady_steps(self, dt_s: float) -> int:
-        return 1 << 30
+    def hold(self, velocity_ned_m_s: Vec3) -> None:
+        """Let the air move like this until the next gust."""
+        self.flat[0], self.flat[1], self.flat[2] = velocity_ned_m_s
 
-    def skip(self, steps: int, dt_s: float) -> None:
-        """Nothing to go on with."""
+    @property
+    def now(self) -> Vec3:
+        """The air of the last step."""
+        x, y, z = self.flat[NOW:SINCE_S].tolist() if COMPILED else self.flat[NOW:SINCE_S]
+        return (x, y, z)
+
+
+def still_air() -> Wind:
+    """No wind, or what it is told to hold."""
+    return Wind(_NO_GUST, (0.0, 0.0, 0.0, 0.0, 0.0), inf, _no_noise())
+
+
+def steady_wind(mean_m_s: float, from_rad: float) -> Wind:
+    """Mean wind only."""
+    return Wind(_NO_GUST, (mean_m_s, -mean_m_s * cos(from_rad), -mean_m_s * sin(from_rad), 0.0, 0.0), 0.0, _no_noise())
+
+
+def dryden_wind(
+    mean_m_s: float, from_rad: float, gust_sigma_m_s: float, vertical_gust_sigma_m_s: float, rng: np.random.Generator
+) -> Wind:
+    """Mean wind and gusts. The sigmas are standard deviations of a horizontal and the vertical component."""
+    north, east, tape = -cos(from_rad), -sin(from_rad), NormalTape(rng)
+    # Unit variance each: along; across (two states); vertical (two states), started in their stationary spread.
+    u, v, w = tape.next(), tape.next(), tape.next()
+    air = (float(mean_m_s), north, east, float(gust_sigma_m_s), float(vertical_gust_sigma_m_s))
+    return Wind((u, v, 0.5 * v, w, 0.5 * w), air, _GUST_DUE_S, tape)
+
+
+def _no_noise() -> NormalTape:
+    return NormalTape(np.random.default_rng(0))
 
 
 @used_by_kernels
@@ -65,76 +100,26 @@ def profile(height_m: float) -> float:
     return log(height_m / _ROUGHNESS_M) / _REFERENCE_LOG
 
 
-class SteadyWind:
-    """Mean wind only."""
-
-    def __init__(self, mean_m_s: float, from_rad: float) -> None:
-        self._north, self._east = -mean_m_s * cos(from_rad), -mean_m_s * sin(from_rad)
-
-    def step(self, dt_s: float, height_m: float) -> Vec3:
-        factor = profile(height_m)
-        return (self._north * factor, self._east * factor, 0.0)
-
-    def steady_steps(self, dt_s: float) -> int:
-        return 0
-
-    def skip(self, steps: int, dt_s: float) -> None:
-        """Nothing to go on with."""
-
-
-class DrydenWind:
-    """Mean wind and gusts. The sigmas are standard deviations of a horizontal and the vertical component."""
-
-    def __init__(
-        self,
-        mean_m_s: float,
-        from_rad: float,
-        gust_sigma_m_s: float,
-        vertical_gust_sigma_m_s: float,
-        rng: np.random.Generator,
-    ) -> None:
-        north, east = -cos(from_rad), -sin(from_rad)
-        self._air: Air = (float(mean_m_s), north, east, float(gust_sigma_m_s), float(vertical_gust_sigma_m_s))
-        self._rng = rng
-        self._noise: list[float] = []
-        # Unit variance each: along; across (two states); vertical (two states), started in their stationary spread.
-        u, v, w = self._draw(), self._draw(), self._draw()
-        self._gust: Gust = (u, v, 0.5 * v, w, 0.5 * w)
-        blown(
-            self._gust, self._air, (0.0, 0.0, 0.0), _GUST_PERIOD_S, 1.0
-        )  # compiled before the first flight, not in it
-        self._since_s = _GUST_PERIOD_S
-        self._now: Vec3 = (0.0, 0.0, 0.0)
-
-    def _draw(self) -> float:
-        if not self._noise:
-            self._noise = self._rng.standard_normal(_BLOCK).tolist()
-        return self._noise.pop()
-
-    def step(self, dt_s: float, height_m: float) -> Vec3:
-        self._since_s += dt_s
-        if self._since_s >= _GUST_DUE_S:
-            self._blow(self._since_s, height_m)
-            self._since_s = 0.0
-        return self._now
-
-    def steady_steps(self, dt_s: float) -> int:
-        steps, since_s = 0, self._since_s + dt_s
-        while since_s < _GUST_DUE_S:
-            steps, since_s = steps + 1, since_s + dt_s
-        return steps
-
-    def skip(self, steps: int, dt_s: float) -> None:
-        for _ in range(steps):
-            self._since_s += dt_s
-
-    def _blow(self, dt_s: float, height_m: float) -> None:
-        drawn = (self._draw(), self._draw(), self._draw())
-        self._gust, self._now = blown(self._gust, self._air, drawn, dt_s, height_m)
-
-
 @compiled
-def blown(gust: Gust, air: Air, drawn: Vec3, dt_s: float, height_m: float) -> tuple[Gust, Vec3]:
+def blow(w: Any, tape: Any, at: int, dt_s: float, height_m: float) -> int:
+    """Go on by a step; gives the place on the tape after the numbers drawn."""
+    w[3] += dt_s
+    if w[3] < w[14]:
+        return at
+    if w[14] == 0.0:
+        factor = profile(height_m)
+        w[0], w[1] = w[10] * factor, w[11] * factor
+        return at
+    drawn, air = (tape[at], tape[at + 1], tape[at + 2]), (w[9], w[10], w[11], w[12], w[13])
+    (w[4], w[5], w[6], w[7], w[8]), (w[0], w[1], w[2]) = _blown(
+        (w[4], w[5], w[6], w[7], w[8]), air, drawn, w[3], height_m
+    )
+    w[3] = 0.0
+    return at + 3
+
+
+@used_by_kernels
+def _blown(gust: Gust, air: Air, drawn: Vec3, dt_s: float, height_m: float) -> tuple[Gust, Vec3]:
     """The filters a gust period later, and the velocity of the air."""
     u, v1, v2, w1, w2 = gust
     mean_m_s, north, east, sigma_m_s, vertical_sigma_m_s = air

@@ -33,6 +33,7 @@ from sitl_stub.start import Start, draw_start, vehicle_pose
 from sitl_stub.steady_flight import SteadyFlight
 from sitl_stub.vehicle_setup import make_autopilot, make_wind, read_vehicle
 from sitl_stub.verdict import Judge, Verdict
+from sitl_stub.wind import still_air
 from sitl_stub.world_setup import deck_shape, make_body, make_contact, make_deck, make_range_sensor
 
 STEP_US = 4000
@@ -92,8 +93,8 @@ class World:
         self._deck = make_deck(scenario, seed, start, self.pad)
         self._make_vehicle(start)
         self._wind = make_wind(scenario, start.wind_from_rad, generator(seed, "wind"))
-        self._wind_ned_m_s: Vec3 = (0.0, 0.0, 0.0)
         self._shelter = scenario.pad.shelter
+        self._sheltered_air = still_air()
         self._range = make_range_sensor(scenario, seed)
         self._beacon = Beacon(scenario.beacon, self.origin, generator(seed, "beacon"))
         self._waiting_beacon: list[tuple[int, list[bytes]]] = []
@@ -220,7 +221,8 @@ class World:
             if self._shelter > 0.0:
                 deck = self._deck.at(self.t_us * 1e-6)
                 wind = sheltered(wind, self._shelter, self.vehicle.position_ned_m, deck, self._shape)
-            self._wind_ahead = self._wind_ned_m_s = wind
+                self._sheltered_air.hold(wind)
+            self._wind_ahead = wind
         return self._wind_ahead
 
     # ---------------------------------------------------------------------------------------------------- steady flight
@@ -232,13 +234,15 @@ class World:
         if not is_free or not steady.enter():
             steady.leave(t_us)
             return False
-        range_m, wind = self._range.value_m, self._wind_here()
-        sends = self._from_vehicle.is_clear()
+        range_m, sends = self._range.value_m, self._from_vehicle.is_clear()
+        wind = self._wind
+        if self._shelter > 0.0:
+            wind = self._sheltered_air
+            self._wind_here()
         done, waits = steady.fly(t_us, self._free_steps(t_us, end_us), wind, range_m, sends=sends)
         if done:
-            self._wind.skip(done - 1, STEP_S)
             self._wind_ahead = None
-            self._end_steady_steps(t_us, done, range_m, output)
+            self._end_steady_steps(t_us, done, range_m, output, together=sends)
         if waits and not steady.decide(self.t_us, self._range.value_m):
             truth = self.vehicle.truth()
             self._move(self.autopilot.finish_step(self.t_us, truth, self._range.value_m, STEP_S))
@@ -251,15 +255,17 @@ class World:
         if t_us < self._judge.limit_us:
             until_us = min(until_us, self._judge.limit_us)
         steps = -((t_us - until_us) // STEP_US)
-        return 1 if self._shelter > 0.0 else min(steps, 1 + self._wind.steady_steps(STEP_S))
+        return 1 if self._shelter > 0.0 else steps
 
-    def _end_steady_steps(self, t_us: int, done: int, range_m: float | None, output: StepOutput) -> None:
+    def _end_steady_steps(
+        self, t_us: int, done: int, range_m: float | None, output: StepOutput, *, together: bool
+    ) -> None:
         """Messages of the steps made since t_us, and what is due at the end of the last one."""
-        steady, last_us, is_clear = self._steady, t_us + (done - 1) * STEP_US, self._from_vehicle.is_clear()
-        at_us, held = t_us, list[Datagram]()
+        steady, last_us = self._steady, t_us + (done - 1) * STEP_US
+        at_us, waiting = t_us, list[Datagram]()
         while True:
-            if is_clear:
-                at_us, sent, held = steady.send_many(at_us, last_us, range_m)
+            if together:
+                at_us, sent, waiting = steady.send_many(at_us, last_us, range_m)
                 output.datagrams += sent
             if at_us >= last_us:
                 break
@@ -270,7 +276,7 @@ class World:
             steady.send(last_us, range_m)
         self.t_us = last_us + STEP_US
         self._judge.free(self.t_us * 1e-6, motors_run=True)
-        self._finish_step(output, held)
+        self._finish_step(output, waiting)
 
     def _is_clear(self, t_us: int) -> bool:
         """Whether nothing can touch during the coming step; looks ahead as far as the distance allows."""
@@ -414,7 +420,7 @@ class World:
             vehicle_in_pad_m=self._in_pad(deck),
             mode=self.autopilot.mode_name,
             is_armed=self.autopilot.is_armed,
-            wind_ned_m_s=self._wind_ned_m_s,
+            wind_ned_m_s=(self._sheltered_air if self._shelter > 0.0 else self._wind).now,
         )
 
     def verdict(self) -> Verdict:

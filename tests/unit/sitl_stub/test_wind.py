@@ -5,16 +5,16 @@ from math import pi
 import numpy as np
 import pytest
 
-from sitl_stub.wind import DrydenWind, SteadyWind, StillAir, gust_lengths_m, profile
+from sitl_stub.wind import dryden_wind, gust_lengths_m, profile, steady_wind, still_air
 
 
 def _gusts(seconds: float, height_m: float, seed: int = 1) -> np.ndarray:
-    wind = DrydenWind(8.0, 0.0, 1.0, 0.5, np.random.default_rng(seed))
+    wind = dryden_wind(8.0, 0.0, 1.0, 0.5, np.random.default_rng(seed))
     return np.array([wind.step(0.02, height_m) for _ in range(int(seconds / 0.02))])
 
 
 def test_wind_from_the_east_blows_west() -> None:
-    assert SteadyWind(5.0, pi / 2).step(0.004, 6.096) == pytest.approx((0.0, -5.0, 0.0))
+    assert steady_wind(5.0, pi / 2).step(0.004, 6.096) == pytest.approx((0.0, -5.0, 0.0))
 
 
 def test_mean_grows_with_height_and_is_as_given_at_six_metres() -> None:
@@ -37,7 +37,7 @@ def test_gusts_are_correlated_over_length_divided_by_speed() -> None:
 
 
 def test_gusts_are_held_for_twenty_milliseconds() -> None:
-    wind = DrydenWind(3.0, 0.0, 1.0, 0.5, np.random.default_rng(0))
+    wind = dryden_wind(3.0, 0.0, 1.0, 0.5, np.random.default_rng(0))
     values = [wind.step(0.004, 5.0) for _ in range(11)]
     assert len(set(values)) == 3
 
@@ -48,4 +48,4 @@ def test_same_seed_same_wind() -> None:
 
 
 def test_still_air_is_still() -> None:
-    assert StillAir().step(0.004, 100.0) == (0.0, 0.0, 0.0)
+    assert still_air().step(0.004, 100.0) == (0.0, 0.0, 0.0)
