@@ -213,13 +213,15 @@ class Mission(_Section, frozen=True):
     lets the descent begin only when the plan to above the pad has been flown to its end. `follow_behind_m` puts the place to
     wait for the descent behind the pad instead of above it, for a camera that looks forward at an upright marker.
     `sight_lost_action` is what follows a descent without sight: climb and try again, or the autopilot's Hold until the pad is
-    seen again."""
+    seen again. `approach_waypoints_m` (north, east in local NED) are flown in order after the start while nothing is known of
+    the pad; the search then begins around the last."""
 
     start_wait_s: NonNegative = 5.0
     sight: Literal["camera", "beacon"] = "camera"
     follow_to_the_end: bool = False
 
     takeoff_height_m: Positive = 6.0
+    approach_waypoints_m: tuple[tuple[float, float], ...] = ()
     search_height_m: Positive = 10.0
     search_radius_m: Positive = 25.0
     search_speed_m_s: Positive = 3.0

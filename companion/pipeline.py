@@ -29,6 +29,7 @@ from companion.geometry import (
 from companion.guidance import Guidance
 from companion.messages import (
     CommandResult,
+    Health,
     Input,
     MissionView,
     OperatorCommand,
@@ -103,6 +104,7 @@ class Pipeline:
         self._range_watch = RangeWatch()
         self._guidance = None if config.guidance.form == "off" else Guidance(config.guidance)
         self._no_plan_since_ns: int | None = None
+        self._told_no_plan = False
         self._start: VehiclePose | None = None
         self._start_yaw_rad = 0.0
         self._search: SearchArea | None = None
@@ -240,17 +242,21 @@ class Pipeline:
             if before is not Phase.TAKEOFF and not self._machine.resumes:
                 self._situation.flight_start_ned_m = pose.position_ned_m
         if phase is Phase.SEARCH:
-            self._begin_search(pose, pad)
+            self._begin_search(pose, pad, is_first=before is Phase.ENGAGE)
         if before is Phase.SEARCH:
             self._follower.reset()
 
-    def _begin_search(self, pose: VehiclePose | None, pad: PadEstimate | None) -> None:
-        """Around the place where the pad was last known, and high enough to see more; else around the vehicle."""
+    def _begin_search(self, pose: VehiclePose | None, pad: PadEstimate | None, *, is_first: bool) -> None:
+        """Around the place where the pad was last known, and high enough to see more; else by the waypoints around the last
+        of them; else around the vehicle."""
         self._start = pose or self._start
         if self._start is None:
             return
         here, mission = self._start.position_ned_m, self._config.mission
         centre, drift = here, (0.0, 0.0)
+        waypoints = mission.approach_waypoints_m if is_first and pad is None else ()
+        if waypoints:
+            centre = (*waypoints[-1], here[2])
         if pad is not None:
             north, east, down = pad.position_ned_m
             centre = (north, east, min(here[2], down - mission.search_height_m))
@@ -262,6 +268,7 @@ class Pipeline:
             centre_ned_m=centre,
             drift_m_s=drift,
             allowed=self._situation.is_allowed,
+            by_ned_m=waypoints[:-1],
         )
 
     # ------------------------------------------------------------------------------------------------------------- fly
@@ -352,8 +359,7 @@ class Pipeline:
         )
         self._situation.plan_to_go_s = self._follower.to_go_s(t_ns)
         if followed.plan is not None:
-            outputs.append(followed.plan)
-            self._note_plan(followed.plan)
+            outputs += [followed.plan, *self._note_plan(followed.plan)]
         return Reference(*followed.now), Reference(*followed.ahead)
 
     def _obstacles(self, goal: Goal, target: _Target, pose: VehiclePose) -> tuple[Cylinder, ...]:
@@ -363,15 +369,19 @@ class Pipeline:
         vehicle, pad = pose.position_ned_m, target.position_m
         return cylinders(zones, vehicle_ned_m=vehicle, pad_ned_m=pad, goal_m=goal.position_m)
 
-    def _note_plan(self, plan: PlanMade) -> None:
-        """A planner that finds nothing for a moment is waited for; the reference holds meanwhile."""
+    def _note_plan(self, plan: PlanMade) -> tuple[Health, ...]:
+        """A planner that finds nothing for a moment is waited for; the reference holds meanwhile. Then everybody is told why."""
         if plan.found:
+            was_told, self._told_no_plan = self._told_no_plan, False
             self._situation.no_plan, self._no_plan_since_ns = None, None
-            return
+            return (Health(plan.t_ns, "plan", 0, "a plan again"),) if was_told else ()
         if self._no_plan_since_ns is None:
             self._no_plan_since_ns = plan.t_ns
-        if plan.t_ns - self._no_plan_since_ns >= NO_PLAN_PATIENCE_NS:
-            self._situation.no_plan = plan.reason
+        if plan.t_ns - self._no_plan_since_ns < NO_PLAN_PATIENCE_NS:
+            return ()
+        self._situation.no_plan = plan.reason
+        was_told, self._told_no_plan = self._told_no_plan, True
+        return () if was_told else (Health(plan.t_ns, "plan", 1, f"holds its place against the pad: {plan.reason}"),)
 
     def _pattern(self, t_ns: int) -> tuple[Reference, Reference]:
         """The search: a point that moves along its path, relative to where it began."""

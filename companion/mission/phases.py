@@ -59,6 +59,7 @@ class Ignored(StrEnum):
     AUTOPILOT_FLIES = "the autopilot flies by its own mode and keeps its own limits"
     ALREADY = "what is asked for is under way"
     FINISH = "on the deck finishing is the safe way"
+    WAITS = "the vehicle keeps its place against the pad and asks again; everybody is told why"
     GIVING_UP = "the attempt is being given up"
     OTHER_PHASE = "belongs to another part of the flight"
     ANOTHER_EVENT = "another event of this phase covers it"
@@ -198,12 +199,14 @@ _START = (Event.START_IN_AIR, Event.START_ON_GROUND)
 _LIMITS = (Event.OUTSIDE_FENCE, Event.BATTERY_LOW, Event.FLIGHT_TOO_LONG)
 _HANDOVER = (Event.REQUEST_REFUSED, Event.AIRBORNE, Event.OFFBOARD_GRANTED)
 _CONTACT = (Event.TOUCHDOWN_SUSPECTED, Event.TOUCHDOWN_LOST)
-_LANDING = (Event.COMMIT_UNSAFE, Event.OUTSIDE_CONE, Event.NO_PLAN, Event.READY_TO_COMMIT, Event.NO_LANDING_HERE)
+_LANDING = (Event.COMMIT_UNSAFE, Event.OUTSIDE_CONE, Event.READY_TO_COMMIT, Event.NO_LANDING_HERE)
 _PAD = (Event.ABOVE_PAD, Event.CLIMBED, Event.PAD_IN_SIGHT, Event.VISION_LOST, Event.PAD_LOST, Event.PAD_KNOWN)
 _SIGHT = (Event.SIGHT_LOST_HOLD, Event.SIGHT_BACK)
 _SEARCH_OVER = (Event.LOST_FOR_GOOD_HOLD, Event.LOST_FOR_GOOD_RETURN)
 _AROUND = (Event.OPERATOR_GO_AROUND, Event.TOO_MANY_GO_AROUNDS)
 _APPROACHING = (*_CONTACT, *_LANDING)
+_UNPLANNED = (Event.NO_PLAN, *_APPROACHING)
+"""Of phases that plan nothing."""
 _ALL_BUT_START = tuple(event for event in Event if event not in _START)
 
 
@@ -220,23 +223,24 @@ IGNORED: dict[Phase, dict[Event, Ignored]] = {
         (Ignored.ALREADY, _START),
         (Ignored.AUTOPILOT_FLIES, (Event.OUTSIDE_FENCE, Event.FLIGHT_TOO_LONG)),
         (Ignored.ANOTHER_EVENT, (Event.DISARMED,)),  # on the ground it is; a refused arming shows as a refusal
-        (Ignored.OTHER_PHASE, (Event.OFFBOARD_GRANTED, *_AROUND, *_APPROACHING, *_PAD, *_SEARCH_OVER, *_SIGHT)),
+        (Ignored.OTHER_PHASE, (Event.OFFBOARD_GRANTED, *_AROUND, *_UNPLANNED, *_PAD, *_SEARCH_OVER, *_SIGHT)),
     ),
     Phase.ENGAGE: _because(
         (Ignored.ALREADY, _START),
         (
             Ignored.OTHER_PHASE,
-            (Event.AIRBORNE, Event.FLIGHT_TOO_LONG, *_AROUND, *_APPROACHING, *_PAD, *_SEARCH_OVER, *_SIGHT),
+            (Event.AIRBORNE, Event.FLIGHT_TOO_LONG, *_AROUND, *_UNPLANNED, *_PAD, *_SEARCH_OVER, *_SIGHT),
         ),
     ),
     Phase.SEARCH: _because(
         (Ignored.ALREADY, (*_START, Event.PAD_LOST, Event.VISION_LOST)),
         (
             Ignored.OTHER_PHASE,
-            (*_HANDOVER, *_SIGHT, Event.OPERATOR_GO_AROUND, *_APPROACHING, Event.ABOVE_PAD, Event.CLIMBED),
+            (*_HANDOVER, *_SIGHT, Event.OPERATOR_GO_AROUND, *_UNPLANNED, Event.ABOVE_PAD, Event.CLIMBED),
         ),
     ),
     Phase.APPROACH: _because(
+        (Ignored.WAITS, (Event.NO_PLAN,)),
         (Ignored.ALREADY, (*_START, Event.PAD_KNOWN, Event.VISION_LOST)),
         (
             Ignored.OTHER_PHASE,
@@ -252,6 +256,7 @@ IGNORED: dict[Phase, dict[Event, Ignored]] = {
         ),
     ),
     Phase.FOLLOW: _because(
+        (Ignored.WAITS, (Event.NO_PLAN,)),
         (Ignored.ALREADY, (*_START, Event.OPERATOR_GO_AROUND, Event.PAD_IN_SIGHT, Event.PAD_KNOWN, Event.CLIMBED)),
         (Ignored.OTHER_PHASE, (*_HANDOVER, *_APPROACHING, *_SEARCH_OVER, *_SIGHT)),
     ),
@@ -270,16 +275,18 @@ IGNORED: dict[Phase, dict[Event, Ignored]] = {
     ),
     Phase.TOUCHDOWN: _because(
         (Ignored.ALREADY, (*_START, Event.TOUCHDOWN_SUSPECTED)),
-        (Ignored.FINISH, (Event.OPERATOR_HOLD, Event.OPERATOR_RETURN, *_LIMITS, *_LANDING, *_PAD)),
+        (Ignored.FINISH, (Event.OPERATOR_HOLD, Event.OPERATOR_RETURN, *_LIMITS, *_LANDING, Event.NO_PLAN, *_PAD)),
         (Ignored.ANOTHER_EVENT, (Event.TOO_MANY_GO_AROUNDS,)),
         (Ignored.OTHER_PHASE, (*_HANDOVER, *_SEARCH_OVER, *_SIGHT)),  # a refused disarm is answered by the evidence
     ),
     Phase.GO_AROUND: _because(
+        (Ignored.WAITS, (Event.NO_PLAN,)),
         (Ignored.ALREADY, (*_START, Event.OPERATOR_GO_AROUND)),
         (Ignored.GIVING_UP, (*_APPROACHING, Event.ABOVE_PAD, Event.PAD_IN_SIGHT, Event.VISION_LOST, Event.PAD_KNOWN)),
         (Ignored.OTHER_PHASE, (*_HANDOVER, *_SEARCH_OVER, *_SIGHT)),
     ),
     Phase.ABORT: _because(
+        (Ignored.WAITS, (Event.NO_PLAN,)),
         (Ignored.ALREADY, (Event.OPERATOR_ABORT,)),
         (Ignored.GIVING_UP, (*_START, *_AROUND, *_APPROACHING, Event.ABOVE_PAD, Event.PAD_IN_SIGHT)),
         (Ignored.ANOTHER_EVENT, (Event.VISION_LOST, Event.PAD_KNOWN)),
@@ -288,12 +295,12 @@ IGNORED: dict[Phase, dict[Event, Ignored]] = {
     Phase.HOLD: _because(
         (Ignored.ALREADY, (Event.OPERATOR_ABORT, Event.OPERATOR_HOLD)),
         (Ignored.AUTOPILOT_FLIES, (Event.STALLED, Event.START_ON_GROUND, *_LIMITS)),
-        (Ignored.OTHER_PHASE, (*_HANDOVER, *_AROUND, *_APPROACHING, *_PAD, *_SEARCH_OVER, Event.SIGHT_LOST_HOLD)),
+        (Ignored.OTHER_PHASE, (*_HANDOVER, *_AROUND, *_UNPLANNED, *_PAD, *_SEARCH_OVER, Event.SIGHT_LOST_HOLD)),
     ),
     Phase.RETURN: _because(
         (Ignored.ALREADY, (Event.OPERATOR_RETURN, Event.BATTERY_LOW, Event.FLIGHT_TOO_LONG)),
         (Ignored.AUTOPILOT_FLIES, (Event.STALLED, Event.OUTSIDE_FENCE, *_START)),
-        (Ignored.OTHER_PHASE, (*_HANDOVER, *_AROUND, *_APPROACHING, *_PAD, *_SEARCH_OVER, *_SIGHT)),
+        (Ignored.OTHER_PHASE, (*_HANDOVER, *_AROUND, *_UNPLANNED, *_PAD, *_SEARCH_OVER, *_SIGHT)),
     ),
     Phase.DONE: _because(
         (Ignored.NOT_OURS, tuple(Event))

@@ -1,6 +1,6 @@
 """A search as it is flown: along a pattern, there and back, around a centre that drifts with the pad's last known velocity.
 
-The path begins where the vehicle is. Where the next point is not allowed (fence, no-fly zone) or the pattern ends, the
+The path begins where the vehicle is, and leads to the centre by the waypoints there may be. Where the next point is not allowed (fence, no-fly zone) or the pattern ends, the
 search turns back the way it came, so that it never crosses what it must not; at the centre again it goes on with the
 pattern turned by a quarter. Local NED, m; called by pipeline.py once a tick in SEARCH.
 """
@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -57,7 +57,15 @@ class SearchArea:
     """State of one search: which path, how far along, which way."""
 
     def __init__(
-        self, mission: Mission, *, t_ns: int, here_ned_m: Vec3, centre_ned_m: Vec3, drift_m_s: Vec2, allowed: Allowed
+        self,
+        mission: Mission,
+        *,
+        t_ns: int,
+        here_ned_m: Vec3,
+        centre_ned_m: Vec3,
+        drift_m_s: Vec2,
+        allowed: Allowed,
+        by_ned_m: Sequence[Vec2] = (),
     ) -> None:
         self._mission = mission
         self._began_ns = t_ns
@@ -66,8 +74,8 @@ class SearchArea:
         self._drift = drift_m_s
         self._allowed = allowed
         self._corners = PATTERNS[mission.search_pattern](mission.search_spacing_m, mission.search_radius_m)
-        offset = (here_ned_m[0] - centre_ned_m[0], here_ned_m[1] - centre_ned_m[1])
-        self._path = Path((offset, (0.0, 0.0)))
+        way = (here_ned_m[:2], *by_ned_m, centre_ned_m[:2])
+        self._path = Path(tuple((north - centre_ned_m[0], east - centre_ned_m[1]) for north, east in way))
         self._is_leading_in = True
         self._along_m = 0.0
         self._way = 1.0

@@ -25,6 +25,7 @@ from companion.planning.request import (
     admitting_start,
     plan_made,
 )
+from companion.planning.round_volumes import RoundVolumes
 from companion.planning.trajectory import Trajectory
 from companion.planning.view import FieldOfView
 
@@ -67,13 +68,17 @@ def _corridor(planning: Planning) -> Planner:
     return CorridorPlanner.from_config(planning)
 
 
+def _round_volumes(planner: Callable[[Planning], Planner]) -> Callable[[Planning], Planner]:
+    return lambda planning: RoundVolumes(planner(planning))
+
+
 PLANNERS: dict[str, Callable[[Planning], Planner]] = {
-    "bspline": BSplinePlanner.from_config,
-    "bezier": BezierPlanner.from_config,
-    "corridor": _corridor,
-    "four_point": FourPointPlanner.from_config,
-    "min_jerk": _min_jerk,
-    "min_snap": _min_snap,
+    "bspline": _round_volumes(BSplinePlanner.from_config),
+    "bezier": _round_volumes(BezierPlanner.from_config),
+    "corridor": _round_volumes(_corridor),
+    "four_point": FourPointPlanner.from_config,  # two of its curves in a row would dip to the paper's heights between
+    "min_jerk": _round_volumes(_min_jerk),
+    "min_snap": _round_volumes(_min_snap),
 }
 """Factories by the name in the configuration."""
 

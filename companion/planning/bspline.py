@@ -3,21 +3,20 @@
 Start and end state (position, velocity, acceleration) fix three control points at each end. The free ones between them
 follow from least integral of squared jerk: one small matrix, made once. Derivatives of a B-spline are B-splines, so their
 control points bound speed, acceleration, jerk and thrust for all times at once. The duration is the shortest for which the
-bounds hold. Floor, descent cone and no-fly volumes push free control points aside; what then does not hold is refused.
+bounds hold. Floor and descent cone push free control points aside; what then does not hold is refused.
 Knots are uniform; `h` is their spacing, and the shape's matrices are for h = 1.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from companion.config import Planning
-from companion.geometry import ZERO, norm
+from companion.geometry import ZERO
 from companion.messages import Vec3
 from companion.planning.limits import (
     TOLERANCE,
@@ -25,11 +24,10 @@ from companion.planning.limits import (
     ProvenBounds,
     bounds_of_control_points,
     excess,
-    widest,
 )
 from companion.planning.obstacle import Obstacle, centre_at, hull_is_clear, moved
 from companion.planning.proof import in_cone, pad_velocities
-from companion.planning.request import DescentCone, NoPlan, Plan, PlanRequest
+from companion.planning.request import DescentCone, NoPlan, Plan, PlanRequest, joined, least_duration_s
 from companion.planning.trajectory import Piece, Trajectory
 from companion.planning.view import FieldOfView, pad_in_view
 
@@ -41,8 +39,6 @@ GROWTH_MIN, GROWTH_MAX = 1.04, 1.6
 REFINEMENTS = 4
 TOP_SPEED_SHARE = 0.3
 """Share of the descent limit at which a plan passes the top of the descent cone."""
-DETOUR_WIDTHS = (1.1, 1.6, 2.4)
-"""How far from a volume's centre its detours push control points, in radii."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -162,14 +158,11 @@ class BSplinePlanner:
         impossible = start_problem(request)
         if impossible:
             return NoPlan("bspline", request.t_ns, impossible)
-        attempts = []
-        for push in _detours(request):
-            attempts.append(self._shortest(request, push))
-            if attempts[-1].holds:
-                return self._finish(request, attempts[-1])
+        nearest = self._shortest(request)
+        if nearest.holds:
+            return self._finish(request, nearest)
         if request.cone is not None and -request.position_m[2] >= request.cone.top_m:
             return self._by_the_top(request, request.cone)
-        nearest = min(attempts, key=lambda attempt: attempt.slowdown)
         return NoPlan("bspline", request.t_ns, f"{nearest.reason} (at {nearest.duration_s:.1f} s)")
 
     def _by_the_top(self, request: PlanRequest, cone: DescentCone) -> Plan | NoPlan:
@@ -190,36 +183,36 @@ class BSplinePlanner:
             obstacles=tuple(moved(o, request.pad_velocity_m_s, used) for o in request.obstacles),
             max_duration_s=request.max_duration_s - used,
         )
-        attempt = self._shortest(onwards, ZERO)
+        attempt = self._shortest(onwards)
         if not attempt.holds:
             return NoPlan("bspline", request.t_ns, f"down the cone: {attempt.reason}")
-        return _joined(first, self._finish(onwards, attempt))
+        return joined(first, self._finish(onwards, attempt))
 
-    def _shortest(self, request: PlanRequest, push: Vec3) -> Attempt:
+    def _shortest(self, request: PlanRequest) -> Attempt:
         """Grow the duration until the limits hold, then halve the last step."""
-        duration, too_short = _first_guess(request), 0.0
-        nearest = attempt = self._attempt(request, duration, push)
+        duration, too_short = min(least_duration_s(request), request.max_duration_s), 0.0
+        nearest = attempt = self._attempt(request, duration)
         while not attempt.holds and duration < request.max_duration_s:
             too_short = duration
             growth = min(max(attempt.slowdown, GROWTH_MIN), GROWTH_MAX)
             duration = min(duration * growth, request.max_duration_s)
-            attempt = self._attempt(request, duration, push)
+            attempt = self._attempt(request, duration)
             if attempt.slowdown < nearest.slowdown:
                 nearest = attempt
         if not attempt.holds:
             return nearest
         for _ in range(REFINEMENTS if too_short else 0):
-            middle = self._attempt(request, 0.5 * (too_short + attempt.duration_s), push)
+            middle = self._attempt(request, 0.5 * (too_short + attempt.duration_s))
             if middle.holds:
                 attempt = middle
             else:
                 too_short = middle.duration_s
         return attempt
 
-    def _attempt(self, request: PlanRequest, duration_s: float, push: Vec3) -> Attempt:
+    def _attempt(self, request: PlanRequest, duration_s: float) -> Attempt:
         shape, h = self._shape, duration_s / self._shape.spans
         points = _end_points(shape, request, h)
-        _shape_free_points(shape, request, points, h, push)
+        _shape_free_points(shape, request, points)
         velocity = _differences(points, shape.factors[0], h)
         acceleration = _differences(velocity, shape.factors[1], h)
         jerk = _differences(acceleration, shape.factors[2], h)
@@ -255,33 +248,6 @@ def start_problem(request: PlanRequest) -> str:
     return ""
 
 
-def _joined(first: Plan, second: Plan) -> Plan:
-    """One plan out of two that follow each other."""
-    early, late = first.trajectory, second.trajectory
-    breaks = early.breaks_s + tuple(early.duration_s + t for t in late.breaks_s[1:])
-    return Plan(
-        method=first.method,
-        trajectory=Trajectory(early.start_ns, breaks, early.pieces + late.pieces),
-        proven=widest(first.proven, second.proven),
-        cost=first.cost + second.cost,
-        control_points_m=first.control_points_m + second.control_points_m,
-    )
-
-
-def _first_guess(request: PlanRequest) -> float:
-    """No shorter plan can hold the limits: half the way at full acceleration, and the mean speed not above the bound."""
-    limits, start, goal = request.limits, request.position_m, request.goal_position_m
-    horizontal = math.hypot(goal[0] - start[0], goal[1] - start[1])
-    down = goal[2] - start[2]
-    vertical_limit = limits.max_descent_m_s if down > 0.0 else limits.max_climb_m_s
-    guess = max(
-        request.min_duration_s,
-        horizontal / min(limits.relative_speed_m_s, limits.max_speed_m_s + math.hypot(*request.pad_velocity_m_s[:2])),
-        abs(down) / (vertical_limit + abs(request.pad_velocity_m_s[2])),
-    )
-    return min(guess, request.max_duration_s)
-
-
 def _end_points(shape: Shape, request: PlanRequest, h: float) -> Points:
     """Control points with the three at each end that meet the states there; the free ones are still zero."""
     p, n = shape.degree, shape.count
@@ -300,16 +266,14 @@ def _end_points(shape: Shape, request: PlanRequest, h: float) -> Points:
     return points
 
 
-def _shape_free_points(shape: Shape, request: PlanRequest, points: Points, h: float, push: Vec3) -> None:
-    """Least jerk, then out of the floor, into the cone, out of the volumes."""
+def _shape_free_points(shape: Shape, request: PlanRequest, points: Points) -> None:
+    """Least jerk, then out of the floor and into the cone."""
     n = shape.count
     for column in points:
         ends = (column[0], column[1], column[2], column[n - 3], column[n - 2], column[n - 1])
         for i, row in enumerate(shape.free, start=3):
             column[i] = sum([w * e for w, e in zip(row, ends, strict=True)])
     for i in range(3, n - 3):
-        for obstacle in request.obstacles:
-            _push_out(request, obstacle, points, i, shape.greville[i] * h, push)
         _lift(request, points, i)
 
 
@@ -329,30 +293,6 @@ def _cone_height(cone: DescentCone, distance_m: float) -> float:
     if outside <= 0.0:
         return -math.inf
     return min(cone.top_m, outside / cone.slope) if cone.slope > 0.0 else cone.top_m
-
-
-def _push_out(request: PlanRequest, obstacle: Obstacle, points: Points, i: int, t_s: float, push: Vec3) -> None:
-    """Shift a control point along the detour until it is past the volume by the detour's length in radii."""
-    centre = centre_at(obstacle, request.pad_velocity_m_s, t_s)
-    factor = norm(push)
-    reach = obstacle.radius_m * factor
-    beside = math.hypot(points[0][i] - centre[0], points[1][i] - centre[1])
-    depth = sum(push[k] * (points[k][i] - centre[k]) for k in range(3)) / factor if factor else reach
-    if depth < reach and beside < reach + 2.0 * obstacle.radius_m:
-        for k in range(3):
-            points[k][i] += push[k] / factor * (reach - depth)
-
-
-def _detours(request: PlanRequest) -> Iterator[Vec3]:
-    """How to pass the volumes: straight on first, else left and right, ever wider."""
-    yield ZERO
-    if request.obstacles:
-        dx = request.goal_position_m[0] - request.position_m[0]
-        dy = request.goal_position_m[1] - request.position_m[1]
-        length = math.hypot(dx, dy) or 1.0
-        for width in DETOUR_WIDTHS:
-            yield (width * dy / length, -width * dx / length, 0.0)
-            yield (-width * dy / length, width * dx / length, 0.0)
 
 
 def _differences(points: Axes, factors: tuple[float, ...], h: float) -> Points:

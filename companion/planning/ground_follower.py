@@ -82,6 +82,7 @@ class GroundFollower:
             limits=limits,
             goal_position_m=request.goal_position_m,
             min_duration_s=self._shortest_s,
+            obstacles=request.obstacles,
         )
         result = self._planner.plan(admitting_start(wanted))
         self._asked = request

@@ -22,9 +22,12 @@ from companion.messages import Vec3
 from companion.planning import fan
 from companion.planning.limits import GRAVITY_M_S2, TOLERANCE, Limits, capped, excess
 from companion.planning.proof import pad_velocities, prove
-from companion.planning.request import NoPlan, Plan, PlanRequest
+from companion.planning.request import NoPlan, Plan, PlanRequest, least_duration_s
 from companion.planning.trajectory import Trajectory, quintic
 
+FAR = 2.3
+"""The second horizon, in times of what the way takes at the speed limits: a quintic from rest to rest has 1.9 times its mean
+speed in the middle."""
 OBSTACLE_TRIES = 10
 """Where no-fly volumes stand in the way, this many of the cheapest candidates are tried against them."""
 
@@ -71,7 +74,16 @@ class MinJerkPlanner:
         return result
 
     def _best(self, request: PlanRequest) -> Plan | NoPlan:
-        durations = end_times(request.min_duration_s, min(self._horizon_s, request.max_duration_s), self._end_times)
+        """Within the horizon; where that is too short for the way, within what the way takes."""
+        horizon_s = min(self._horizon_s, request.max_duration_s)
+        result = self._within(horizon_s, request)
+        longest_s = min(FAR * least_duration_s(request), request.max_duration_s)
+        if isinstance(result, Plan) or longest_s <= horizon_s:
+            return result
+        return self._within(longest_s, request)
+
+    def _within(self, horizon_s: float, request: PlanRequest) -> Plan | NoPlan:
+        durations = end_times(request.min_duration_s, horizon_s, self._end_times)
         candidates = [(t, v) for t in durations for v in self._end_velocities]
         ends = [value for _, v in candidates for value in _end_state(request, v)]
         start = [*request.position_m, *request.velocity_m_s, *request.acceleration_m_s2]

@@ -11,9 +11,9 @@ import math
 from dataclasses import dataclass, replace
 from typing import Protocol
 
-from companion.geometry import ZERO, add, norm, scale
+from companion.geometry import ZERO, add, norm, scale, subtract
 from companion.messages import PlanMade, Vec3
-from companion.planning.limits import Limits, ProvenBounds
+from companion.planning.limits import Limits, ProvenBounds, widest
 from companion.planning.obstacle import Obstacle
 from companion.planning.trajectory import Trajectory
 from companion.planning.view import FieldOfView
@@ -80,6 +80,9 @@ class NoPlan:
     reason: str
 
 
+UNHURRIED = 3.0
+"""A plan may take this many times as long as the way would at the speed limits: planners take about 2."""
+
 START_MARGIN = 0.01
 """m/s over what a start takes: rounding."""
 
@@ -94,7 +97,8 @@ def admitting_start(request: PlanRequest) -> PlanRequest:
     """The same request with each limit raised to what the start state itself already takes, and no further.
 
     A planner refuses a start beyond the limits, because no plan could hold them. A vehicle that is replanned many times a
-    second is now and then a little beyond them and must get back inside, so the pipeline asks through this.
+    second is now and then a little beyond them and must get back inside, so the pipeline asks through this. The longest
+    duration is raised to what a long way takes.
     """
     limits = request.limits
     vx, vy, vz = request.velocity_m_s
@@ -110,6 +114,7 @@ def admitting_start(request: PlanRequest) -> PlanRequest:
     descent = vz + pz + max(0.0, preview[2]) + max(0.0, carried_z)
     return replace(
         request,
+        max_duration_s=max(request.max_duration_s, UNHURRIED * least_duration_s(request)),
         limits=replace(
             limits,
             max_speed_m_s=_admitting(limits.max_speed_m_s, speed + carried),
@@ -121,9 +126,34 @@ def admitting_start(request: PlanRequest) -> PlanRequest:
     )
 
 
+def least_duration_s(request: PlanRequest) -> float:
+    """No plan is shorter: the way at the speed limits all along."""
+    limits, pad = request.limits, request.pad_velocity_m_s
+    north, east, down = subtract(request.goal_position_m, request.position_m)
+    vertical_limit = limits.max_descent_m_s if down > 0.0 else limits.max_climb_m_s
+    return max(
+        request.min_duration_s,
+        math.hypot(north, east) / min(limits.relative_speed_m_s, limits.max_speed_m_s + math.hypot(pad[0], pad[1])),
+        abs(down) / (vertical_limit + abs(pad[2])),
+    )
+
+
 def _admitting(limit: float, taken: float) -> float:
     """The limit, or what the start takes: with anything on top, each of many plans would be faster than the one before."""
     return max(limit, taken + START_MARGIN)
+
+
+def joined(first: Plan, second: Plan) -> Plan:
+    """One plan out of two that follow each other."""
+    early, late = first.trajectory, second.trajectory
+    breaks = early.breaks_s + tuple(early.duration_s + t for t in late.breaks_s[1:])
+    return Plan(
+        method=first.method,
+        trajectory=Trajectory(early.start_ns, breaks, early.pieces + late.pieces),
+        proven=widest(first.proven, second.proven),
+        cost=first.cost + second.cost,
+        control_points_m=first.control_points_m + second.control_points_m,
+    )
 
 
 def plan_made(result: Plan | NoPlan, t_ns: int) -> PlanMade:

@@ -18,6 +18,7 @@ import numpy as np
 from companion.config import Config
 from companion.geometry import Q_FRD_CAMERA_DOWN, Transform
 from companion.messages import (
+    Health,
     Message,
     OperatorAction,
     PadNotSeen,
@@ -40,7 +41,7 @@ TAN_HALF_VIEW = (0.9, 0.57)
 NOISE_M = 0.01
 COVARIANCE = ((4e-4, 0.0, 0.0), (0.0, 4e-4, 0.0), (0.0, 0.0, 4e-4))
 ROTATION = ((4e-4, 0.0, 0.0), (0.0, 4e-4, 0.0), (0.0, 0.0, 4e-4))
-KEPT = (VehicleCommand, PhaseChanged, VehicleStatus, VelocitySetpoint)
+KEPT = (Health, VehicleCommand, PhaseChanged, VehicleStatus, VelocitySetpoint)
 
 
 @dataclass

@@ -12,16 +12,18 @@ from typing import Any
 import pytest
 from geometric_rig import Rig
 
-from companion.config import Config, Mission, Safety, Zone
+from companion.config import Config, Mission, Planning, Safety, Zone
 from companion.messages import (
     AutopilotMode,
     CommandKind,
+    Health,
     OperatorAction,
     Phase,
     VehicleCommand,
     VehicleStatus,
     VelocitySetpoint,
 )
+from companion.mission.search import PATTERNS
 
 pytestmark = pytest.mark.timeout(300)
 
@@ -143,7 +145,8 @@ def test_a_start_without_a_camera_is_refused_and_says_so() -> None:
     assert rig.messages(VehicleCommand) == []
 
 
-def test_a_no_fly_zone_between_vehicle_and_pad_is_flown_round() -> None:
+@pytest.mark.parametrize("planner", ["bspline", "bezier", "min_snap"])
+def test_a_no_fly_zone_between_vehicle_and_pad_is_flown_round(planner: str) -> None:
     def distance_to_mast_m() -> float:
         north, east, _ = rig.world.truth().vehicle.position_ned_m
         return math.hypot(north - mast[0], east - mast[1])
@@ -156,8 +159,83 @@ def test_a_no_fly_zone_between_vehicle_and_pad_is_flown_round() -> None:
     vehicle, pad = rig.world.truth().vehicle.position_ned_m, rig.world.truth().pad_position_ned_m
     mast = (0.5 * (vehicle[0] + pad[0]), 0.5 * (vehicle[1] + pad[1]))
     zone = Zone(name="mast", kind="no_fly", center_m=mast, radius_m=4.0)
-    rig = Rig(rig.world_changes, Config(safety=Safety(zones=(zone,))), seed=2)
+    rig = Rig(rig.world_changes, Config(safety=Safety(zones=(zone,)), planning=Planning(planner=planner)), seed=2)
     nearest_m: list[float] = []
     rig.run(60.0, turn_and_measure)
     assert rig.ending == "on_pad", rig.onboard.pipeline.note
     assert min(nearest_m) > 4.0
+
+
+@pytest.mark.parametrize("planner", ["bspline", "min_jerk"])
+def test_a_pad_that_its_beacon_reports_a_hundred_metres_away_is_flown_to(planner: str) -> None:
+    rig = Rig({"place.pad_distance_m": 100.0}, Config(planning=Planning(planner=planner)), seed=2)
+    assert rig.fly_out(90.0) == "on_pad", rig.onboard.pipeline.note
+    assert Phase.APPROACH in rig.phases()
+
+
+@pytest.mark.parametrize("pattern", sorted(PATTERNS))
+def test_a_pad_without_a_beacon_is_found_by_every_pattern_within_its_area(pattern: str) -> None:
+    """The pad stands 15 m from the start, out of the camera's view."""
+    mission = Mission(search_pattern=pattern, search_radius_m=25.0)  # type: ignore[arg-type]
+    rig = Rig({"beacon.fitted": False, "place.pad_distance_m": 15.0, "path.kind": "still"}, Config(mission=mission))
+    start = rig.world.truth().vehicle.position_ned_m
+    away_m: list[float] = []
+
+    def searched() -> bool:
+        away_m.append(math.dist(rig.world.truth().vehicle.position_ned_m[:2], start[:2]))
+        return rig.phase is Phase.FOLLOW
+
+    assert rig.run(120.0, searched), rig.onboard.pipeline.note
+    assert max(away_m) <= mission.search_radius_m + 2.0
+    assert rig.fly_out(60.0) == "on_pad", rig.onboard.pipeline.note
+
+
+def test_a_pad_without_a_beacon_is_found_by_way_of_the_waypoints() -> None:
+    """Two legs at a right angle lead to a pad 40 m away, further than the search around the start would go."""
+    world = {"beacon.fitted": False, "place.pad_distance_m": 40.0, "path.kind": "still"}
+    rig = Rig(world)
+    vehicle, pad = rig.world.truth().vehicle.position_ned_m, rig.world.truth().pad_position_ned_m
+    north, east = pad[0] - vehicle[0], pad[1] - vehicle[1]
+    corner = (vehicle[0] + 0.5 * (north - east), vehicle[1] + 0.5 * (east + north))
+    rig = Rig(world, Config(mission=Mission(approach_waypoints_m=(corner, (pad[0] - 3.0, pad[1])))))
+    passed_m: list[float] = []
+
+    def flown() -> bool:
+        passed_m.append(math.dist(rig.world.truth().vehicle.position_ned_m[:2], corner))
+        return rig.phase is Phase.FOLLOW
+
+    assert rig.run(90.0, flown), rig.onboard.pipeline.note
+    assert min(passed_m) < 2.0
+    assert rig.fly_out(60.0) == "on_pad", rig.onboard.pipeline.note
+
+
+def test_a_pad_that_is_lost_for_good_is_searched_for_along_its_last_velocity() -> None:
+    """Markers and beacon end in the descent; after the go-around the search goes with the pad, and ends in Hold."""
+    faults = ({"kind": "camera_stop", "when_below_m": 4.0}, {"kind": "beacon_lost", "start_s": 5.0})
+    mission = Mission(search_time_s=15.0)
+    rig = Rig({"faults": list(faults)}, Config(mission=mission))
+    rig.run_to(Phase.SEARCH, 10.0)
+    rig.run_to(Phase.DESCEND, 40.0)
+    rig.run_to(Phase.SEARCH, 60.0)
+    rig.run(10.0)
+    vehicle, pad = rig.world.truth().vehicle.position_ned_m, rig.world.truth().pad_position_ned_m
+    assert math.dist(vehicle[:2], pad[:2]) <= mission.search_radius_m + 5.0
+    rig.run_to(Phase.HOLD, 30.0)
+    assert_motors_stopped_on_the_pad_only(rig)
+
+
+def test_a_planner_that_finds_nothing_says_why_and_the_vehicle_keeps_its_place_against_the_pad() -> None:
+    rig = Rig({"place.pad_distance_m": 20.0}, Config(planning=Planning(max_jerk_m_s3=0.001)))
+    rig.run_to(Phase.APPROACH, 10.0)
+    rig.run(5.0)
+    before = _between(rig)
+    rig.run(10.0)
+    told = [health for health in rig.messages(Health) if health.subject == "plan"]
+    assert [health.level for health in told] == [1]
+    assert "jerk" in told[0].text
+    assert math.dist(before, _between(rig)) < 1.5
+
+
+def _between(rig: Rig) -> tuple[float, float]:
+    vehicle, pad = rig.world.truth().vehicle.position_ned_m, rig.world.truth().pad_position_ned_m
+    return (vehicle[0] - pad[0], vehicle[1] - pad[1])

@@ -49,6 +49,23 @@ def test_the_point_never_jumps_further_than_its_speed_allows(name: str) -> None:
     assert max(steps) <= 3.0 * 0.02 + 1e-9
 
 
+def test_the_way_to_the_centre_leads_by_the_waypoints_in_order() -> None:
+    area = SearchArea(
+        Mission(),
+        t_ns=0,
+        here_ned_m=(0.0, 0.0, -10.0),
+        centre_ned_m=(20.0, 20.0, -10.0),
+        drift_m_s=(0.0, 0.0),
+        allowed=lambda point: True,
+        by_ned_m=((20.0, 0.0), (30.0, 10.0)),
+    )
+    path = [area.step(step * DT_NS).position_ned_m[:2] for step in range(1, 1500)]
+    passed = [min(range(len(path)), key=lambda k: math.dist(path[k], at)) for at in ((20.0, 0.0), (30.0, 10.0))]
+    assert passed == sorted(passed)
+    assert max(math.dist(path[k], at) for k, at in zip(passed, ((20.0, 0.0), (30.0, 10.0)), strict=True)) < 0.1
+    assert math.dist(path[-1], (20.0, 20.0)) <= Mission().search_radius_m
+
+
 @pytest.mark.parametrize("name", sorted(PATTERNS))
 def test_what_is_not_allowed_is_never_entered_nor_crossed(name: str) -> None:
     def allowed(point: Vec2) -> bool:

@@ -11,14 +11,12 @@ from scipy.interpolate import BSpline
 
 from companion.config import Planning
 from companion.planning import (
-    Cylinder,
     DescentCone,
     FieldOfView,
     Limits,
     NoPlan,
     Plan,
     PlanRequest,
-    Sphere,
     admitting_start,
     limits_from_config,
     plan_made,
@@ -153,36 +151,6 @@ def test_a_start_beside_the_cone_is_refused() -> None:
     result = BSplinePlanner().plan(low)
     assert isinstance(result, NoPlan)
     assert result.reason == "starts beside the descent cone, below its top"
-
-
-@pytest.mark.parametrize("obstacle", [Cylinder((-5.0, 0.0), 1.5), Sphere((-5.0, 0.0, -5.0), 1.5)])
-def test_a_volume_on_the_way_is_passed_on_one_side(obstacle: Cylinder | Sphere) -> None:
-    request = replace(AT_REST, obstacles=(obstacle,))
-    plan = planned(request)
-    points = np.array([plan.trajectory.sample(t)[0] for t in np.linspace(0.0, plan.trajectory.duration_s, 500)])
-    assert np.hypot(points[:, 0] + 5.0, points[:, 1]).min() >= 1.5
-    assert plan.trajectory.duration_s > planned(AT_REST).trajectory.duration_s
-
-
-def test_a_volume_that_drifts_out_of_the_way_is_no_obstacle_but_one_that_drifts_in_is() -> None:
-    """The pad moves east, so a volume that stands in W drifts west as seen from it."""
-    plan = planned(replace(AT_REST, pad_velocity_m_s=(0.0, 2.0, 0.0)))
-    ahead = Cylinder((-5.0, plan.trajectory.duration_s), 1.0)  # where it drifts to in half the time
-    result = BSplinePlanner().plan(replace(AT_REST, pad_velocity_m_s=(0.0, 2.0, 0.0), obstacles=(ahead,)))
-    assert isinstance(result, Plan)
-    assert prove(
-        result.trajectory, replace(AT_REST, pad_velocity_m_s=(0.0, 2.0, 0.0), obstacles=(ahead,)), parts=8
-    ).holds
-    assert result != plan
-    left_behind = Cylinder((-5.0, -1.5), 1.0)
-    same = planned(replace(AT_REST, pad_velocity_m_s=(0.0, 2.0, 0.0), obstacles=(left_behind,)))
-    assert same == plan
-
-
-def test_a_goal_inside_a_volume_is_refused_with_its_size() -> None:
-    result = BSplinePlanner().plan(replace(AT_REST, obstacles=(Cylinder((0.0, 0.0), 1.5),)))
-    assert isinstance(result, NoPlan)
-    assert "no-fly volume of 1.5 m" in result.reason
 
 
 def test_a_pad_out_of_view_at_the_start_is_refused() -> None:

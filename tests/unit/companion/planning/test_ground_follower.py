@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from companion.config import Planning
-from companion.planning import FOLLOWERS, PLANNERS
+from companion.planning import FOLLOWERS, PLANNERS, Cylinder
 from companion.planning.follower import FollowRequest
 from companion.planning.ground_follower import GroundFollower
 
@@ -93,3 +93,10 @@ def test_the_way_down_is_left_to_the_follower_that_moves_with_the_pad() -> None:
     assert reference[0][:2] == (0.0, 0.0)
     assert reference[1] == (0.0, 0.0, 0.5)
     assert kept.to_go_s(down.t_ns) is None
+
+
+def test_a_no_fly_volume_in_the_way_is_no_way_for_it_either() -> None:
+    planned = follower().follow(replace(FIRST, obstacles=(Cylinder((-2.0, 0.0), 1.0),)))
+    assert planned.plan is not None
+    assert not planned.plan.found
+    assert "no-fly volume" in planned.plan.reason

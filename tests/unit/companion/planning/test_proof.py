@@ -10,9 +10,11 @@ import pytest
 
 from companion.config import Planning
 from companion.planning import (
+    PLANNERS,
     Cylinder,
     FieldOfView,
     Limits,
+    Plan,
     PlanRequest,
     Sphere,
     Trajectory,
@@ -137,6 +139,15 @@ def test_admitting_again_and_again_is_no_way_around_a_limit() -> None:
     assert admitting_start(braking).limits.max_descent_m_s <= limit + 0.02
     speeding = replace(at_limit, acceleration_m_s2=(0.0, 0.0, 2.0))
     assert admitting_start(speeding).limits.max_descent_m_s > limit + 0.02
+
+
+@pytest.mark.parametrize("way_m", [10.0, 60.0, 300.0])
+def test_a_long_way_is_given_the_time_that_it_takes(way_m: float) -> None:
+    far = replace(REQUEST, position_m=(way_m, 0.0, -5.0), limits=Limits(relative_speed_m_s=4.0))
+    for name in sorted(set(PLANNERS) - {"corridor"}):
+        found = PLANNERS[name](Planning()).plan(admitting_start(far))
+        assert isinstance(found, Plan), (name, found)
+        assert found.trajectory.duration_s >= way_m / 4.0
 
 
 def test_limits_come_from_the_configuration() -> None:
