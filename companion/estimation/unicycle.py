@@ -24,13 +24,17 @@ from companion.geometry import wrap_pi
 from companion.messages import MeasurementVerdict, ObservationSource, PadEstimate, Vec3
 
 BIASED = (ObservationSource.BEACON, ObservationSource.ODOMETRY)
-START_AFTER_M = 1.0
-"""Direction and speed are taken from the first two sights this far apart."""
+START_WINDOW_NS, START_SIGHTS, START_WAY_M, START_SIGMAS = 6 * NS, 5, 0.3, 5.0
+"""Direction and speed are the slope of a straight line through the sights of the last seconds, once there are so many of them, the
+line is so long, and its slope is so many standard deviations: the first sights from far away are off by a metre."""
 MAX_TURN_RAD_S = 1.0
 TURN_KEPT_S, TURN_FADES_S = 1.0, 1.0
 """Unseen, the platform is believed to turn on for the first, and to come out of the turn within about the second: no path
 turns for ever, and a prediction that does leads the vehicle round in a circle."""
 AXES = ("north", "east", "down")
+
+Sight = tuple[int, float, float]
+"""t_ns, north, east."""
 
 
 @compiled
@@ -97,14 +101,13 @@ class UnicycleSettings:
 
 @dataclass(slots=True)
 class UnicycleTrack:
-    """State at `t_ns`. Until the pad has moved `START_AFTER_M` the direction is open and the speed is zero."""
+    """State at `t_ns`. `start` has the sights (t_ns, north, east) as long as direction and speed are open, None afterwards."""
 
     settings: UnicycleSettings
     t_ns: int
     x: Any
     P: Any
-    first: Vec3 | None
-    first_ns: int
+    start: list[Sight] | None
     gates: dict[tuple[ObservationSource, str], AxisGate] = field(default_factory=dict)
     vision_ns: int | None = None
     beacon_ns: int | None = None
@@ -113,8 +116,8 @@ class UnicycleTrack:
     def copied(self) -> UnicycleTrack:
         gates = {key: gate.copied() for key, gate in self.gates.items()}
         return UnicycleTrack(
-            self.settings, self.t_ns, self.x.copy(), self.P.copy(), self.first, self.first_ns, gates,
-            self.vision_ns, self.beacon_ns, self.turn_rad_s,
+            self.settings, self.t_ns, self.x.copy(), self.P.copy(), None if self.start is None else self.start.copy(),
+            gates, self.vision_ns, self.beacon_ns, self.turn_rad_s,
         )  # fmt: skip
 
     def look_ahead(self, t_ns: int) -> None:
@@ -142,11 +145,13 @@ class UnicycleTrack:
     def fuse(self, m: PadMeasurement) -> MeasurementVerdict:
         if m.position_o_m is None or m.covariance_m2 is None:
             if m.height_o_m is not None:
-                return self._fuse_height(m, m.height_o_m)
+                return self._fuse_height(m, m.height_o_m, m.height_sigma_m**2)
             return MeasurementVerdict(
                 m.t_ns, m.source, accepted=False, reason="this filter takes positions and ranges only"
             )
         variance = [m.covariance_m2[i][i] + 1e-4 + (m.bias_sigma_m**2 if m.source in BIASED else 0.0) for i in range(3)]
+        if self.start is not None and m.source not in BIASED:
+            return self._fuse_at_start(m, m.position_o_m, variance)
         y = [m.position_o_m[i] - float(self.x[i]) for i in range(3)]
         nis = sum(y[i] * y[i] / (float(self.P[6 * i]) + variance[i]) for i in range(3))
         decisions = [self._judge(m, axis, y[axis], variance[axis]) for axis in range(3)]
@@ -154,15 +159,13 @@ class UnicycleTrack:
         z, theta = m.position_o_m, float(self.x[3])
         update_position(self.x, self.P, room([0.0] * 5), z[0], z[1], z[2], kept[0], kept[1], kept[2])
         self._learn_turn(float(self.x[3]) - theta)
-        self._learn_direction(m.t_ns, z, variance[0] + m.systematic_sigma_m**2)
         self._note(m, any(kept))
         lost = [name for name, d in zip(AXES, decisions, strict=True) if d is Decision.REJECT]
         reason = "outside gate: " + ", ".join(lost) if lost else "fused"
         return MeasurementVerdict(m.t_ns, m.source, any(kept), reason, nis=nis, innovation=tuple(y))
 
-    def _fuse_height(self, m: PadMeasurement, down_m: float) -> MeasurementVerdict:
+    def _fuse_height(self, m: PadMeasurement, down_m: float, R: float) -> MeasurementVerdict:
         """The range sensor's distance to the deck, which the paper lands by."""
-        R = m.height_sigma_m**2
         y = down_m - float(self.x[2])
         S = float(self.P[12]) + R
         accepted = self._judge(m, 2, y, R) is not Decision.REJECT
@@ -178,30 +181,33 @@ class UnicycleTrack:
         if decision is Decision.REACQUIRE:
             self.P[6 * axis] += y * y
             if axis < 2:
-                self.first, self.first_ns = m.position_o_m, m.t_ns
+                self.start = []
         return decision
 
-    def _learn_direction(self, t_ns: int, z: Vec3, variance_m2: float) -> None:
-        """An EKF cannot start at an unknown direction: it is taken from the way covered since the first sight, and is as
-        uncertain as the two places are."""
-        if self.first is None:
-            return
-        dx, dy, dt_s = z[0] - self.first[0], z[1] - self.first[1], (t_ns - self.first_ns) / NS
-        way = math.hypot(dx, dy)
-        if way < START_AFTER_M or dt_s <= 0.0:
-            return
-        self.x[3], self.x[4] = math.atan2(dy, dx), way / dt_s
-        self.P[18] = max(0.1, 2.0 * variance_m2 / way**2)
-        self.P[24] = max(0.25, 2.0 * variance_m2 / dt_s**2)
+    def _fuse_at_start(self, m: PadMeasurement, z: Vec3, variance: list[float]) -> MeasurementVerdict:
+        """An EKF cannot start at an unknown direction: the place is that of the line through the sights, and as soon as the line
+        says where the platform goes, direction and speed are its own."""
+        self._fuse_height(m, z[2], variance[2])
+        self.start = [old for old in self.start or [] if m.t_ns - old[0] <= START_WINDOW_NS] + [(m.t_ns, z[0], z[1])]
+        line = fitted_line(self.start, max(variance[:2]) + m.systematic_sigma_m**2)
         for i in range(5):
-            for j in (3, 4):
-                if i != j:
-                    self.P[5 * i + j] = self.P[5 * j + i] = 0.0
-        self.first = None
+            for j in range(5):
+                if i != j and (i, j) != (3, 4) and (i, j) != (4, 3):
+                    self.P[5 * i + j] = 0.0
+        self.x[0], self.x[1] = (z[0], z[1]) if line is None else line.end_m
+        self.P[0], self.P[6] = (variance[0], variance[1]) if line is None else (line.end_variance_m2,) * 2
+        self._note(m, True)
+        if line is not None and line.tells_direction:
+            self.x[3], self.x[4] = math.atan2(line.velocity_m_s[1], line.velocity_m_s[0]), line.speed_m_s
+            self.P[18] = max(0.1, 2.0 * line.velocity_variance / line.speed_m_s**2)
+            self.P[24] = max(0.25, 2.0 * line.velocity_variance)
+            self.P[19] = self.P[23] = 0.0
+            self.start = None
+        return MeasurementVerdict(m.t_ns, m.source, True, "fused: direction still open")
 
     def _learn_turn(self, corrected_rad: float) -> None:
         """u1 from how the measurements keep turning theta. A platform that hardly moves has no direction to turn."""
-        if self.first is not None or float(self.x[4]) < MIN_SPEED_M_S:
+        if self.start is not None or float(self.x[4]) < MIN_SPEED_M_S:
             self.turn_rad_s = 0.0
             return
         learned = self.turn_rad_s + self.settings.turn_gain_hz * corrected_rad
@@ -239,6 +245,51 @@ class UnicycleTrack:
         return tuple(tuple(sum(a[k] * b[k] for k in range(5)) for b in J) for a in JP)
 
 
+@dataclass(frozen=True, slots=True)
+class SightLine:
+    """The straight line through the sights: its slope, its place at the last of them, variances of one component, and the way
+    that it covers."""
+
+    velocity_m_s: tuple[float, float]
+    velocity_variance: float
+    end_m: tuple[float, float]
+    end_variance_m2: float
+    seconds: float
+
+    @property
+    def speed_m_s(self) -> float:
+        return math.hypot(*self.velocity_m_s)
+
+    @property
+    def tells_direction(self) -> bool:
+        far_enough = self.speed_m_s * self.seconds >= START_WAY_M
+        return far_enough and self.speed_m_s**2 >= START_SIGMAS**2 * self.velocity_variance
+
+
+def fitted_line(sights: list[Sight], variance_m2: float) -> SightLine | None:
+    """Least squares; None with fewer than START_SIGHTS. A sight's variance is the one given, or what they scatter about the
+    line where that is more."""
+    n = len(sights)
+    if n < START_SIGHTS:
+        return None
+    t_s = [(t_ns - sights[0][0]) / NS for t_ns, _, _ in sights]
+    mean_s, mean_n, mean_e = sum(t_s) / n, sum(s[1] for s in sights) / n, sum(s[2] for s in sights) / n
+    rows = [(t - mean_s, s[1] - mean_n, s[2] - mean_e) for t, s in zip(t_s, sights, strict=True)]
+    spread = sum(t * t for t, _, _ in rows)
+    if spread <= 0.0:
+        return None
+    north, east = sum(t * x for t, x, _ in rows) / spread, sum(t * y for t, _, y in rows) / spread
+    scatter = sum((x - t * north) ** 2 + (y - t * east) ** 2 for t, x, y in rows) / (2 * n - 4)
+    variance, end_s = max(variance_m2, scatter), t_s[-1] - mean_s
+    return SightLine(
+        velocity_m_s=(north, east),
+        velocity_variance=variance / spread,
+        end_m=(mean_n + end_s * north, mean_e + end_s * east),
+        end_variance_m2=variance / n + end_s**2 * variance / spread,
+        seconds=t_s[-1],
+    )
+
+
 def start_unicycle(settings: UnicycleSettings, m: PadMeasurement) -> UnicycleTrack | None:
     """A track from a first position; a velocity, where the beacon gives one, sets the direction at once."""
     if m.position_o_m is None or m.covariance_m2 is None:
@@ -251,7 +302,11 @@ def start_unicycle(settings: UnicycleSettings, m: PadMeasurement) -> UnicycleTra
     known = v is not None and math.hypot(v[0], v[1]) > 0.5
     theta, speed = (math.atan2(v[1], v[0]), math.hypot(v[0], v[1])) if v is not None and known else (0.0, 0.0)
     track = UnicycleTrack(
-        settings, m.t_ns, room([*m.position_o_m, theta, speed]), room(P), None if known else m.position_o_m, m.t_ns
+        settings,
+        m.t_ns,
+        room([*m.position_o_m, theta, speed]),
+        room(P),
+        None if known else [(m.t_ns, m.position_o_m[0], m.position_o_m[1])],
     )
     track._note(m, True)
     return track

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -40,6 +39,8 @@ ATTITUDE_ERROR_DEG = 1.0
 SPEED_FOUND_M_S, HELD_S = 0.25, 2.0
 WIND_M_S, GUST_SIGMA_M_S = 7.0, 2.0
 SETTLED_S = 6.0
+SPEED_M_S, LONGEST_DELAY_S = 0.8, 5.0
+STAYS = {"mission.follow_time_s": 100.0}
 LOW = {"mission.follow_height_m": 1.5, "mission.approach_height_m": 3.0}
 """A shorter ramp, for the quick part."""
 FOLLOWING = (Phase.FOLLOW, Phase.DESCEND, Phase.COMMIT)
@@ -50,30 +51,33 @@ NOTES = (
     f"Colour filter: red where R >= {RED_GAIN:g} (G + B) + {RED_OFFSET:g} and not G > {MAX_GREEN:g} R; largest patch.",
     "Lens: f(rho) = 160 - 0.002 rho^2 px, about 160 degrees across the image's height; the target is a disc of 1 m.",
     f"Geolocation is measured with perfect attitude and with a tilt {ATTITUDE_ERROR_DEG:g} degree off, offsets of up to "
-    "one height to the side; with the tilt error it grows in proportion to the height, as the paper finds. Nearer than 3 m "
-    "another error is larger: the middle of a large patch in a fisheye is not the image of the target's middle.",
-    "The paper says that the vehicle's speed follows the target's estimated one about 2 s late, and not from where it began. Here "
-    "it begins 6 m away, and the time counts until it has flown there: on the way it is faster than the target. 'Found' is the "
-    "filter's velocity relative to the vehicle, true to 0.25 m/s: the autopilot's own velocity is off by up to 0.3 m/s here, and "
-    "with it the target's.",
+    "one height to the side; with the tilt error it grows in proportion to the height, as the paper finds. The middle of a large "
+    "patch in a fisheye is not the image of the target's middle: the patch's outline is laid on the level ground first, and the "
+    "middle taken there.",
+    "The paper's speed statement is about two curves: the vehicle's speed comes about 2 s behind the estimated speed of the target. "
+    "So it is measured here as a delay: the target stands, drives at 0.8 m/s and stands again under a vehicle that stays above it, "
+    "and the delay is the shift in time with which the vehicle's true velocity is nearest to the filter's velocity of the target.",
+    f"How soon the filter knows the speed the paper does not say. Here: from the first bearing until the filter's velocity relative "
+    f"to the vehicle is true to {SPEED_FOUND_M_S:g} m/s and stays so for {HELD_S:g} s (the autopilot's own velocity is off by up to "
+    "0.3 m/s, and with it the target's). How soon the vehicle is at that speed depends on how far away it began, here 6 m.",
     "L1: PX4's velocity loop integrates, so steady wind costs little with or without it; what L1 can take is gusts. Its "
     "compensation is sent as acceleration, beside the velocity.",
     "The filter's state is the pad in a frame that moves with the vehicle's own velocity: the paper's relative state and its "
     "velocity input, written once. The height above the ground comes from the range sensor.",
-    "Below 3 m the error of the place itself no longer shrinks with the height (table above), and so neither does the flown one.",
     "The ramp is the mission's last phase begun at 4 m. L1 off: the same law with nothing against wind but PX4's own loop.",
     "The rover of the paper is driven by hand; here it drives straight at 0.8 m/s with small wobbles.",
 )
 
 
 def reproduce(quick: bool) -> Reproduction:
-    """Quick: geolocation on few frames and one landing. Full: also with and without L1 in wind."""
+    """Quick: geolocation on few frames and one landing. Full: also the speed's delay, and wind with and without L1."""
     config = preset("kim", LOW if quick else None)
     geolocation, chart = _geolocation_rows(config, 3 if quick else 20)
     flight = watched(config, "kim", seed=1, world={"duration_limit_s": 90.0})
     rows = [*geolocation, *_flight_rows(flight)]
     charts = [chart, *_flight_charts(flight)]
     if not quick:
+        rows += _speed_rows((1, 2, 3))
         more, compared = _adaptive_rows((1, 2, 3))
         rows += more
         charts.append(compared)
@@ -142,12 +146,11 @@ def _geolocation_rows(config: Config, count: int) -> tuple[list[Row], Chart]:
         for name, miss in (("perfect attitude", one.exact_m), ("1 degree off", one.tilted_m)):
             value = float(miss.mean()) if len(miss) else math.nan
             rows.append(number_row(table, f"{one.height_m:g} m, {name}", None, round(value, 4), "m", 0.0))
-    far = [one for one in found if one.height_m >= 3.0 and len(one.tilted_m)]
-    shares = [float(one.tilted_m.mean()) / one.height_m for one in far]
+    shares = [float(one.tilted_m.mean()) / one.height_m for one in found if len(one.tilted_m)]
     rows.append(
         said_row(
             table,
-            "error over height from 3 m up, 1 degree off",
+            "error over height, 1 degree off",
             "constant",
             f"{min(shares):.3f} to {max(shares):.3f}",
             holds=max(shares) < 2.0 * min(shares),
@@ -171,9 +174,9 @@ def _flight_rows(flight: WatchedFlight) -> list[Row]:
     rows = [
         landed_row(table, flight),
         error_row(table, flight),
-        number_row(table, "target's speed found after", 2.0, round(speed_found_after_s(flight), 1), "s", 0.5, good=-1),
+        number_row(table, "target's speed found after", None, round(speed_found_after_s(flight), 1), "s", 0.0),
         number_row(
-            table, "vehicle at the target's speed after", 2.0, round(speed_met_after_s(flight), 1), "s", 0.5, good=-1
+            table, "6 m flown to it and at its speed after", None, round(speed_met_after_s(flight), 1), "s", 0.0
         ),
     ]
     ramp = [i for i in flight.watch.instants if i.phase is Phase.COMMIT and -i.in_pad_m[2] > 0.4]
@@ -228,6 +231,35 @@ def speed_met_after_s(flight: WatchedFlight) -> float:
     return math.nan
 
 
+def _speed_rows(seeds: Sequence[int]) -> list[Row]:
+    """A target that drives off under the vehicle, stops, and drives off again, as by hand."""
+    world = {
+        "path": {"kind": "stop_and_go", "speed_m_s": SPEED_M_S, "go_s": 6.0, "stop_s": 6.0, "start_fraction": 0.6},
+        "place.pad_distance_m": 1.0,
+        "duration_limit_s": 45.0,
+    }
+    config = preset("kim", STAYS)
+    delays = [speed_delay_s(watched(config, "kim", seed=seed, world=world)) for seed in seeds]
+    table = f"Speed of a target that drives and stops under the vehicle (n = {len(seeds)})"
+    name = "vehicle's speed behind the target's estimated one, mean"
+    return [number_row(table, name, 2.0, round(float(np.mean(delays)), 2), "s", 0.5, good=-1)]
+
+
+def speed_delay_s(flight: WatchedFlight) -> float:
+    """The shift in time with which the vehicle's true velocity is nearest to the filter's velocity of the target, from the
+    moment at which it has settled above it."""
+    truth, estimates = flight.watch.instants, flight.watch.estimates
+    begin = _first_sight_s(flight) + SETTLED_S
+    t_s = np.arange(begin + LONGEST_DELAY_S, truth[-1].t_s, 0.05)
+    delays = np.arange(0.0, LONGEST_DELAY_S, 0.05)
+    misses = np.zeros(len(delays))
+    for axis in range(2):
+        flown = np.interp(t_s, [i.t_s for i in truth], [i.velocity_m_s[axis] for i in truth])
+        times, found = [t for t, _ in estimates], [e.velocity_ned_m_s[axis] for _, e in estimates]
+        misses += [float(np.sum((flown - np.interp(t_s - delay, times, found)) ** 2)) for delay in delays]
+    return float(delays[int(misses.argmin())])
+
+
 def _miss_between(instants: Sequence[Instant], low_m: float, high_m: float) -> float:
     misses = [horizontal_norm(i.in_pad_m) for i in instants if low_m <= -i.in_pad_m[2] < high_m]
     return math.sqrt(float(np.mean(np.square(misses)))) if misses else math.nan
@@ -272,11 +304,10 @@ def _adaptive_rows(seeds: Sequence[int]) -> tuple[list[Row], Chart]:
         "place.pad_distance_m": 1.0,
         "duration_limit_s": 25.0,
     }
-    stay: dict[str, Any] = {"mission.follow_time_s": 100.0}
     off = {"control.controller": "velocity", "control.integral_gain_hz2": 0.0, "control.demand_time_s": 0.0}
     flights = {
-        "with L1": [watched(preset("kim", stay), "kim", seed=seed, world=world) for seed in seeds],
-        "without": [watched(preset("kim", {**stay, **off}), "kim", seed=seed, world=world) for seed in seeds],
+        "with L1": [watched(preset("kim", STAYS), "kim", seed=seed, world=world) for seed in seeds],
+        "without": [watched(preset("kim", {**STAYS, **off}), "kim", seed=seed, world=world) for seed in seeds],
     }
     table = f"Wind of {WIND_M_S:g} m/s, gusts of {GUST_SIGMA_M_S:g} m/s, above a still target (n = {len(seeds)} each)"
     errors = {name: float(np.mean([_error_m(flight) for flight in flown])) for name, flown in flights.items()}

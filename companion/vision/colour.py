@@ -1,5 +1,8 @@
 """A red target by its colour, as in `kim`: the direction to the middle of the largest red patch.
 
+A lens does not take the middle of a target to the middle of its image, a fisheye from near least of all. So the patch's outline
+is laid on a level plane and the middle is taken there, where the target is flat and as large as it is.
+
 A pixel is red where R >= K (G + B) + C and not G > 0.6 R (which is orange and yellow). The paper prints neither K nor C; K
 0.75 and C 20 keep a red of a shaded 90 to 35 and refuse skin, brick and sand. The result is a bearing: the estimator turns it
 into a place with the height above the pad.
@@ -27,16 +30,20 @@ MAX_GREEN = 0.6
 """K, C and the mask of the text above."""
 _MIN_AREA_PX = 12
 """Smaller patches are noise of the sensor."""
+_OPTICAL_AXIS = (0.0, 0.0, 1.0)
+"""Taken for down where the attitude is not known."""
+_SHALLOW = 0.1
+"""Cosine to straight down: further out, pixels reach to the horizon and the plane says nothing."""
+_NO_AREA = 1e-12
 _CENTROID_SIGMA = 0.03
 """The middle of a patch is off by this fraction of its radius where shadow or glare eats at one side."""
 
 
 @dataclass(frozen=True, slots=True)
 class Patch:
-    """A red patch: its centroid, radius of a disc of the same area, bounding box, all in pixels of the whole image."""
+    """A red patch: its outline (N, 2), radius of a disc of the same area, bounding box, all in pixels of the whole image."""
 
-    u: float
-    v: float
+    outline: Array
     radius_px: float
     box: region.Region
 
@@ -58,7 +65,7 @@ class ColourDetector:
         patch = self._near_prediction(frame.image, hint) or largest_red_patch(frame.image, 0, 0)
         if patch is None:
             return PadNotSeen(frame.t_ns, frame.camera, NAME, "nothing red")
-        return self._bearing(frame, patch)
+        return self._bearing(frame, patch, hint)
 
     def _near_prediction(self, image: Image, hint: DetectionHint | None) -> Patch | None:
         where = region.predicted_region(self._extent_P, self._camera, hint) if self._track and hint else None
@@ -66,8 +73,9 @@ class ColourDetector:
             return None
         return largest_red_patch(image[where.top : where.bottom, where.left : where.right], where.left, where.top)
 
-    def _bearing(self, frame: CameraImage, patch: Patch) -> PadBearing:
-        ray: Array = self._camera.ray(np.array([(patch.u, patch.v)]))[0]
+    def _bearing(self, frame: CameraImage, patch: Patch, hint: DetectionHint | None) -> PadBearing:
+        down = hint.down_camera if hint is not None and hint.down_camera is not None else _OPTICAL_AXIS
+        ray = middle(self._camera.ray(patch.outline), np.array(down))
         error_px = math.hypot(self._pixel_sigma_px, _CENTROID_SIGMA * patch.radius_px)
         if self._is_cut(patch.box):
             error_px = math.hypot(error_px, 0.5 * patch.radius_px)
@@ -88,6 +96,23 @@ class ColourDetector:
         )
 
 
+def middle(rays: Array, down: Array) -> Array:
+    """Unit direction to the middle of the area that an outline of unit rays (N, 3) encloses on a plane across `down` (3).
+
+    Where a part of the outline hardly looks down, or it encloses nothing, the mean of the rays.
+    """
+    along = rays @ down
+    mean: Array = rays.mean(axis=0)
+    if float(along.min()) > _SHALLOW:
+        on_plane = rays / along[:, None]
+        mean = on_plane.mean(axis=0)
+        a, b = on_plane - mean, np.roll(on_plane, -1, axis=0) - mean
+        doubled = np.cross(a, b) @ down
+        if abs(float(doubled.sum())) > _NO_AREA:
+            mean = mean + doubled @ (a + b) / (3.0 * doubled.sum())
+    return mean / float(np.linalg.norm(mean))
+
+
 def red_mask(image: Image) -> Image:
     """255 where a pixel of a BGR image is red, else 0."""
     # One matrix product, rounded to whole levels and cut at zero: what is left above zero is red.
@@ -99,7 +124,7 @@ def red_mask(image: Image) -> Image:
 
 def largest_red_patch(image: Image, left: int, top: int) -> Patch | None:
     """The largest connected red patch of a part of the image whose corner is at (left, top); None where nothing is red."""
-    count, _, stats, centroids = cv2.connectedComponentsWithStats(red_mask(image), connectivity=8)
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(red_mask(image), connectivity=8)
     if count < 2:
         return None
     areas: npt.NDArray[np.int32] = np.asarray(stats[1:, cv2.CC_STAT_AREA], dtype=np.int32)
@@ -107,9 +132,10 @@ def largest_red_patch(image: Image, left: int, top: int) -> Patch | None:
     x, y, width, height, area = (int(value) for value in stats[largest])
     if area < _MIN_AREA_PX:
         return None
+    inside = np.asarray(labels[y : y + height, x : x + width] == largest, dtype=np.uint8)
+    outlines, _ = cv2.findContours(inside, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     return Patch(
-        u=float(centroids[largest, 0]) + left,
-        v=float(centroids[largest, 1]) + top,
+        outline=outlines[0].reshape(-1, 2).astype(np.float64) + (left + x, top + y),
         radius_px=math.sqrt(area / math.pi),
         box=region.Region(left + x, top + y, left + x + width, top + y + height),
     )

@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from pads import circle, error_m, figure_8, frames, line, ns, sights, still
+from pads import Truth, circle, error_m, figure_8, frames, line, ns, sights, still
 
 from companion.compiled import room
 from companion.config import Estimation
@@ -53,6 +53,31 @@ def test_a_pad_that_stands_still_is_held_in_place() -> None:
     for m in sights(still, frames(0.0, 5.0), seed=2):
         estimator.observe(m)
     assert error_m(estimator.estimate(ns(5.0)), still(5.0)) < 0.05
+
+
+def test_first_sights_that_are_far_off_send_it_nowhere() -> None:
+    """A tag of 26 pixels at 15 m: half a metre off. Two such sights a frame apart look like a platform at 15 m/s."""
+    path, estimator = line(4.2), ESTIMATORS["unicycle"](Estimation())
+    speeds = []
+    for k, m in enumerate(sights(path, frames(0.0, 2.0), seed=4, sigma_m=0.5)):
+        estimator.observe(m)
+        estimate = estimator.estimate(ns((k + 1) / 30.0))
+        assert estimate is not None
+        speeds.append(math.hypot(*estimate.velocity_ned_m_s[:2]))
+    assert max(speeds) < 1.4 * 4.2
+    assert speeds[-1] == pytest.approx(4.2, abs=0.8)
+
+
+def test_a_platform_that_drives_off_after_a_while_is_followed() -> None:
+    """It stood for 20 s: the line through all of that would say that it hardly moves."""
+    estimator = ESTIMATORS["unicycle"](Estimation())
+
+    def path(t: float) -> Truth:
+        return Truth(0.0, max(0.0, t - 20.0), 0.0, float(t > 20.0), 1.57)
+
+    for m in sights(path, frames(0.0, 23.0), seed=5):
+        estimator.observe(m)
+    assert error_m(estimator.estimate(ns(23.0)), path(23.0)) < 0.15
 
 
 def test_near_the_deck_the_range_sensor_corrects_the_height_alone() -> None:
