@@ -89,7 +89,8 @@ def update_position(x: Any, P: Any, g: Any, z0: float, z1: float, z2: float, R0:
 @dataclass(frozen=True, slots=True)
 class UnicycleSettings:
     """Process noise as variance gained per second, and the gate of one component in standard deviations. `turn_gain_hz` is
-    the share of theta's corrections that the turn rate takes up per second; 0 is the filter as printed."""
+    the share of theta's corrections that the turn rate takes up per second; 0 is the filter as printed. `unseen_turn_rad_s`:
+    standard deviation of the turn rate that is added to what was learned while the platform is not seen."""
 
     position_psd: float = 1e-4
     height_psd: float = 0.01
@@ -97,6 +98,7 @@ class UnicycleSettings:
     speed_psd: float = 0.2
     gate_sigmas: float = 3.29
     turn_gain_hz: float = 0.0
+    unseen_turn_rad_s: float = 0.0
 
 
 @dataclass(slots=True)
@@ -131,16 +133,20 @@ class UnicycleTrack:
         if dt_s <= 0.0:
             return
         work = room([0.0] * 4), room([0.0] * 25)
-        u1 = self.turn_now_rad_s
-        predict_unicycle(self.x, self.P, *work, dt_s, u1, s.position_psd, s.height_psd, s.theta_psd, s.speed_psd)
+        u1, unseen_s = self.turn_now_rad_s, self._unseen_s()
+        theta_psd = s.theta_psd + s.unseen_turn_rad_s**2 * (2.0 * unseen_s + dt_s)
+        predict_unicycle(self.x, self.P, *work, dt_s, u1, s.position_psd, s.height_psd, theta_psd, s.speed_psd)
         self.t_ns = t_ns
 
     @property
     def turn_now_rad_s(self) -> float:
         """The learned turn rate, faded where it has not been seen for long."""
-        seen_ns = max((ns for ns in (self.vision_ns, self.beacon_ns) if ns is not None), default=self.t_ns)
-        faded_s = (self.t_ns - seen_ns) / NS - TURN_KEPT_S
+        faded_s = self._unseen_s() - TURN_KEPT_S
         return self.turn_rad_s if faded_s <= 0.0 else self.turn_rad_s * math.exp(-faded_s / TURN_FADES_S)
+
+    def _unseen_s(self) -> float:
+        seen_ns = max((ns for ns in (self.vision_ns, self.beacon_ns) if ns is not None), default=self.t_ns)
+        return (self.t_ns - seen_ns) / NS
 
     def fuse(self, m: PadMeasurement) -> MeasurementVerdict:
         if m.position_o_m is None or m.covariance_m2 is None:
@@ -154,7 +160,9 @@ class UnicycleTrack:
             return self._fuse_at_start(m, m.position_o_m, variance)
         y = [m.position_o_m[i] - float(self.x[i]) for i in range(3)]
         nis = sum(y[i] * y[i] / (float(self.P[6 * i]) + variance[i]) for i in range(3))
-        decisions = [self._judge(m, axis, y[axis], variance[axis]) for axis in range(3)]
+        limit2 = self.settings.gate_sigmas**2
+        elsewhere = all(y[i] ** 2 > limit2 * (float(self.P[6 * i]) + variance[i]) for i in range(2))
+        decisions = [self._judge(m, axis, y[axis], variance[axis], both_axes=elsewhere) for axis in range(3)]
         kept = [R if d is not Decision.REJECT else 0.0 for R, d in zip(variance, decisions, strict=True)]
         z, theta = m.position_o_m, float(self.x[3])
         update_position(self.x, self.P, room([0.0] * 5), z[0], z[1], z[2], kept[0], kept[1], kept[2])
@@ -174,14 +182,16 @@ class UnicycleTrack:
         reason = "fused" if accepted else "outside gate: down"
         return MeasurementVerdict(m.t_ns, m.source, accepted, reason, nis=y * y / S, innovation=(y,))
 
-    def _judge(self, m: PadMeasurement, axis: int, y: float, R: float) -> Decision:
+    def _judge(self, m: PadMeasurement, axis: int, y: float, R: float, *, both_axes: bool = False) -> Decision:
         gate = self.gates.setdefault((m.source, AXES[axis]), AxisGate())
         S = float(self.P[6 * axis]) + R
-        decision = judge(gate, t_ns=m.t_ns, y=y, S=S, R=R, limit=self.settings.gate_sigmas)
+        limit = self.settings.gate_sigmas
+        decision = judge(gate, t_ns=m.t_ns, y=y, S=S, R=R, limit=limit, both_axes=both_axes and axis < 2)
         if decision is Decision.REACQUIRE:
             self.P[6 * axis] += y * y
             if axis < 2:
-                self.start = []
+                self.start, self.turn_rad_s = [], 0.0
+                self.x[4], self.P[18], self.P[24] = 0.0, 1.0, 1.0
         return decision
 
     def _fuse_at_start(self, m: PadMeasurement, z: Vec3, variance: list[float]) -> MeasurementVerdict:

@@ -32,7 +32,7 @@ def _dalang(name: str, threshold_m: float, speed_m_s: float) -> Scene:
 
 
 def _falanga(name: str, path: Mapping[str, Any]) -> Scene:
-    return Scene(name, "falanga", {"path": path}, default_world={"pad.file": "nested"})
+    return Scene(name, "falanga", {"path": path}, default_world={"pad.file": "nested", "cameras": {"down": {}}})
 
 
 def _guo(name: str, scenario: str, preset_app: Mapping[str, Any]) -> Scene:

@@ -43,10 +43,20 @@ def test_the_page_takes_up_as_many_flights_of_the_campaign_as_have_been_flown(
     results = ResultsFile(tmp_path / "samples.jsonl", fingerprint(campaign))
     for sample, outcome in zip(samples(campaign, 2), ("landed", "timeout", "landed"), strict=False):
         results.add(
-            {"sample": sample.index, "outcome": outcome, "forced_disarm_in_air": False, "touchdown_error_m": 0.1}
+            {
+                "sample": sample.index,
+                "outcome": outcome,
+                "forced_disarm_in_air": False,
+                "touchdown_error_m": 0.1,
+                "frames_with_pad": 12,
+                "time_to_touchdown_s": 12.0 if outcome == "landed" else None,
+                "first_sight_to_touchdown_s": 10.5 if outcome == "landed" else None,
+            }
         )
     results.close()
     rows = falanga.rate_rows()
     assert [row.name for row in rows] == ["line, 1 m/s", "line, 2 m/s"]
     assert rows[0].table == "Success rates (n = 3 flights, seeds from 1 on)"
-    assert rows[0].ours == "1 of 2 landed (9% to 91%), 1 timeout; 0.10 m off, median"
+    assert (
+        rows[0].ours == "1 of 2 landed (9% to 91%), 1 timeout; 0.10 m off, median; found in 2 of 2 after 1.5 s, median"
+    )
