@@ -18,6 +18,7 @@ from typing import Any
 from companion.compiled import compiled, room
 from companion.estimation.gate import NS, AxisGate, Decision, judge
 from companion.estimation.measurement import PadMeasurement
+from companion.estimation.motion import in_steps
 from companion.estimation.outlook import WholeOutlook
 from companion.estimation.turn import MIN_SPEED_M_S
 from companion.geometry import wrap_pi
@@ -31,6 +32,8 @@ MAX_TURN_RAD_S = 1.0
 TURN_KEPT_S, TURN_FADES_S = 1.0, 1.0
 """Unseen, the platform is believed to turn on for the first, and to come out of the turn within about the second: no path
 turns for ever, and a prediction that does leads the vehicle round in a circle."""
+LONGEST_STEP_S = 0.1
+"""What a step adds to the uncertainty of theta reaches the position with the next one."""
 AXES = ("north", "east", "down")
 
 Sight = tuple[int, float, float]
@@ -129,13 +132,14 @@ class UnicycleTrack:
         return WholeOutlook(self.copied())
 
     def advance(self, t_ns: int) -> None:
-        dt_s, s = (t_ns - self.t_ns) / NS, self.settings
-        if dt_s <= 0.0:
+        if t_ns <= self.t_ns:
             return
-        work = room([0.0] * 4), room([0.0] * 25)
-        u1, unseen_s = self.turn_now_rad_s, self._unseen_s()
-        theta_psd = s.theta_psd + s.unseen_turn_rad_s**2 * (2.0 * unseen_s + dt_s)
-        predict_unicycle(self.x, self.P, *work, dt_s, u1, s.position_psd, s.height_psd, theta_psd, s.speed_psd)
+        s, work = self.settings, (room([0.0] * 4), room([0.0] * 25))
+        for dt_s in in_steps((t_ns - self.t_ns) / NS, LONGEST_STEP_S):
+            u1, unseen_s = self.turn_now_rad_s, self._unseen_s()
+            theta_psd = s.theta_psd + s.unseen_turn_rad_s**2 * (2.0 * unseen_s + dt_s)
+            predict_unicycle(self.x, self.P, *work, dt_s, u1, s.position_psd, s.height_psd, theta_psd, s.speed_psd)
+            self.t_ns += round(dt_s * NS)
         self.t_ns = t_ns
 
     @property
