@@ -1,12 +1,13 @@
 """`companion reproduce --versus`: each paper's scenes by its preset and by the default pipeline, with the same seeds.
 
-A row is a median over the seeds that landed (the success: a share of all). The default wins where it is better, ties where
+A row is a median over the seeds that landed; the first row says how many did. The default wins where it is better, ties where
 it is equal within the stated tolerance, and a row where it does neither says so.
 """
 
 from __future__ import annotations
 
 import statistics
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -59,8 +60,17 @@ def fly_versus(keys: Sequence[str], *, seeds: int, done: Callable[[int, int], No
         sides = [[row for row in rows if row["sample"] // 10_000 == 2 * i + side] for side in (0, 1)]
         found += scene_rows(f"{key}: {scene.name}", sides[0], sides[1])
     name = f"versus-{keys[0]}" if len(keys) == 1 else "versus"
-    notes = (*NOTES, f"Seeds 1 to {seeds}: {len(samples)} flights.")
+    flown_with = "Seed 1" if seeds == 1 else f"Seeds 1 to {seeds}"
+    notes = (*NOTES, f"{flown_with}: {len(samples)} flights.", balance(found))
     return Reproduction(name, "The papers' presets against the default pipeline", tuple(found), (), (), notes)
+
+
+def balance(rows: Sequence[Row]) -> str:
+    """One sentence: what the default wins, ties and loses, and which rows it loses."""
+    verdicts = Counter(row.verdict for row in rows)
+    lost = Counter(row.name for row in rows if row.verdict == "differs")
+    said = f"In {len(rows)} rows the default wins {verdicts['better']}, ties {verdicts['same']} and loses {verdicts['differs']}"
+    return said + (": " + "; ".join(f"{name} ({count})" for name, count in lost.items()) if lost else "") + "."
 
 
 def _samples(index: int, key: str, scene: Scene, seeds: int) -> list[Sample]:
@@ -78,8 +88,9 @@ def _samples(index: int, key: str, scene: Scene, seeds: int) -> list[Sample]:
 
 def scene_rows(table: str, preset: Sequence[FlightRow], default: Sequence[FlightRow]) -> list[Row]:
     """The table of one scene."""
-    shares = [sum(row["outcome"] == "landed" for row in side) / len(side) for side in (preset, default)]
-    rows = [_row(table, Measure("success", "", "", 1, 0.0), shares[0], shares[1])]
+    landed = [sum(row["outcome"] == "landed" for row in side) for side in (preset, default)]
+    said = [f"{count} of {len(side)}" for count, side in zip(landed, (preset, default), strict=True)]
+    rows = [Row(table, "landed", said[0], said[1], "", "0", judged(1, 0.0, float(landed[0]), float(landed[1])))]
     for measure in MEASURES:
         rows.append(_row(table, measure, _median(preset, measure.key), _median(default, measure.key)))
     return rows

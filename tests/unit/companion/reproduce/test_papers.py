@@ -7,7 +7,7 @@ import pytest
 from companion.config import load, load_with
 from companion.reproduce.papers import PAPERS, NotReproduced, chosen, preset_file, preset_scenario, with_preset
 from companion.reproduce.scenes import SCENES
-from companion.reproduce.versus import judged, scene_rows
+from companion.reproduce.versus import balance, judged, scene_rows
 from sitl_stub.scenario import ScenarioError, find, with_overrides
 from sitl_stub.scenario import load as load_scenario
 
@@ -65,8 +65,9 @@ def test_failures_count_for_success_and_not_for_the_medians() -> None:
     landed = {"outcome": "landed", "touchdown_error_m": 0.1, **figures}
     missed = {"outcome": "off_pad", "touchdown_error_m": 5.0, **figures}
     rows = {row.name: row for row in scene_rows("t", [landed, missed], [landed, landed])}
-    assert (rows["success"].printed, rows["success"].ours, rows["success"].verdict) == (0.5, 1.0, "better")
+    assert (rows["landed"].printed, rows["landed"].ours, rows["landed"].verdict) == ("1 of 2", "2 of 2", "better")
     assert rows["touchdown error, median"].printed == 0.1
+    assert balance(list(rows.values())) == "In 5 rows the default wins 1, ties 4 and loses 0."
     nobody = {row.name: row for row in scene_rows("t", [missed], [landed])}
     assert nobody["energy, median"].printed == "no landing"
     assert nobody["energy, median"].verdict == "better"
