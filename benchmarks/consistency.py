@@ -169,13 +169,13 @@ def run_unicycle(seed: int) -> tuple[float, float]:
     nis = 0.0
     for _ in range(STEPS):
         moved, noise = room(truth.tolist()), room([0.0] * 25)
-        predict_unicycle(moved, noise, room([0.0] * 4), room([0.0] * 25), DT, 0.0, *q)
+        predict_unicycle(moved, noise, DT, 0.0, *q)
         truth = np.array(moved) + drawn(rng, list(noise), 5)
-        predict_unicycle(x, P, room([0.0] * 4), room([0.0] * 25), DT, 0.0, *q)
+        predict_unicycle(x, P, DT, 0.0, *q)
         z = truth[:3] + rng.normal(0.0, math.sqrt(R), 3)
         y = z - np.array(x)[:3]
         nis += y @ np.linalg.solve(np.array(P).reshape(5, 5)[:3, :3] + R * np.eye(3), y)
-        update_position(x, P, room([0.0] * 5), *z.tolist(), R, R, R)
+        update_position(x, P, *z.tolist(), R, R, R)
     e = truth - np.array(x)
     return float(e @ np.linalg.solve(np.array(P).reshape(5, 5), e)), nis / STEPS
 

@@ -77,11 +77,10 @@ def own_ekf(*, plain: bool) -> Step:
     update = getattr(update_position, "py_func", update_position) if plain else update_position
     room = list if plain or not COMPILED else np.array
     x, P = room([0.0, 0.0, 0.0, 0.3, 1.0]), room([float(i % 6 == 0) for i in range(25)])
-    F, W, g = room([0.0] * 4), room([0.0] * 25), room([0.0] * 5)
 
     def step() -> None:
-        predict(x, P, F, W, DT, 0.0, 1e-4, 1e-3, 0.05, 0.2)
-        update(x, P, g, x[0], x[1], 0.0, 1e-3, 1e-3, 1e-3)
+        predict(x, P, DT, 0.0, 1e-4, 1e-3, 0.05, 0.2)
+        update(x, P, x[0], x[1], 0.0, 1e-3, 1e-3, 1e-3)
 
     return step
 

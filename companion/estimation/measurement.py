@@ -20,6 +20,7 @@ from companion.geometry import (
     quaternion_multiply,
     rotate,
     rotated_covariance,
+    scale,
     subtract,
 )
 from companion.messages import Mat3, ObservationSource, PadBeacon, PadBearing, PadObservation, Quaternion, Vec3
@@ -145,13 +146,17 @@ def measurement_from_range(
     t_ns: int, distance_m: float, vehicle: VehiclePose, *, sensor_sigma_m: float = 0.05
 ) -> PadMeasurement:
     """Height of what is below the vehicle, from a sensor that looks along body z."""
-    axis = rotate(vehicle.q_ned_frd, (0.0, 0.0, 1.0))
     return PadMeasurement(
         t_ns=t_ns,
         source=ObservationSource.RANGE,
-        height_o_m=add(vehicle.position_o_m, (0.0, 0.0, axis[2] * distance_m))[2],
+        height_o_m=foot_of_range(distance_m, vehicle)[2],
         height_sigma_m=sensor_sigma_m + 0.02 * distance_m,
     )
+
+
+def foot_of_range(distance_m: float, vehicle: VehiclePose) -> Vec3:
+    """Where in O the beam of a range sensor that looks along body z ends."""
+    return add(vehicle.position_o_m, scale(rotate(vehicle.q_ned_frd, (0.0, 0.0, 1.0)), distance_m))
 
 
 def systematic_sigma_m(p_BP_W: Vec3, errors: VehicleErrors) -> float:

@@ -18,6 +18,7 @@ from companion.estimation.gate import NS
 from companion.estimation.measurement import (
     PadMeasurement,
     VehicleErrors,
+    foot_of_range,
     measurement_from_beacon,
     measurement_from_bearing,
     measurement_from_observation,
@@ -159,13 +160,13 @@ class PadTracker:
         return measurement_from_observation(message, vehicle, mount, self._errors)
 
     def _observe_range(self, message: RangeMeasurement, vehicle: VehiclePose) -> MeasurementVerdict | None:
-        """The range sensor tells of the deck only while the vehicle is surely above it, and is needed where vision is not."""
+        """The range sensor tells of the deck only where its beam surely meets it, and is needed where vision is not."""
         distance = message.distance_m
         if distance is None or not message.min_distance_m <= distance <= message.max_distance_m:
             return None
         estimate = self._recent_estimate(message.t_ns)
         height_is_seen = estimate is not None and _is_seen(estimate) and not self._sees_bearings
-        if estimate is None or height_is_seen or not self._is_above(estimate, vehicle):
+        if estimate is None or height_is_seen or not self._is_deck(estimate, foot_of_range(distance, vehicle)):
             return None
         return self._estimator.observe(measurement_from_range(message.t_ns, distance, vehicle))
 
@@ -176,10 +177,9 @@ class PadTracker:
             return recent
         return self._estimator.estimate(t_ns)
 
-    def _is_above(self, estimate: PadEstimate, vehicle: VehiclePose) -> bool:
-        offset = math.hypot(
-            estimate.position_ned_m[0] - vehicle.position_o_m[0], estimate.position_ned_m[1] - vehicle.position_o_m[1]
-        )
+    def _is_deck(self, estimate: PadEstimate, foot_o_m: Vec3) -> bool:
+        """A vehicle that leans looks beside what it is above."""
+        offset = math.hypot(estimate.position_ned_m[0] - foot_o_m[0], estimate.position_ned_m[1] - foot_o_m[1])
         half = 0.5 * min(self._pad.length_m, self._pad.width_m)
         return offset + 2.0 * estimate.position_sigma_m < half
 

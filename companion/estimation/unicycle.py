@@ -42,25 +42,25 @@ Sight = tuple[int, float, float]
 
 @compiled
 def predict_unicycle(
-    x: Any, P: Any, F: Any, W: Any, dt: float, u1: float, q_position: float, q_height: float, q_theta: float, q_v: float
+    x: Any, P: Any, dt: float, u1: float, q_position: float, q_height: float, q_theta: float, q_v: float
 ) -> None:
-    """One step of mean and 5 x 5 covariance, in place; F is room for 4 floats, W for 25. u1: turn rate, rad/s. q_*: variance
-    gained per second."""
+    """One step of mean and 5 x 5 covariance, in place. u1: turn rate, rad/s. q_*: variance gained per second.
+
+    F differs from the identity in the rows of px and py only, which take from theta and v: F P F' changes two rows, then two columns.
+    """
     theta, v = x[3] + 0.5 * dt * u1, x[4]
     c, s = math.cos(theta), math.sin(theta)
     x[0] += dt * v * c
     x[1] += dt * v * s
     x[3] += dt * u1
-    F[0], F[1], F[2], F[3] = -dt * v * s, dt * c, dt * v * c, dt * s
+    x_theta, x_v, y_theta, y_v = -dt * v * s, dt * c, dt * v * c, dt * s
     for j in range(5):
-        W[j] = P[j] + F[0] * P[15 + j] + F[1] * P[20 + j]
-        W[5 + j] = P[5 + j] + F[2] * P[15 + j] + F[3] * P[20 + j]
-        W[10 + j], W[15 + j], W[20 + j] = P[10 + j], P[15 + j], P[20 + j]
+        P[j] = P[j] + x_theta * P[15 + j] + x_v * P[20 + j]
+        P[5 + j] = P[5 + j] + y_theta * P[15 + j] + y_v * P[20 + j]
     for i in range(5):
         r = 5 * i
-        P[r] = W[r] + F[0] * W[r + 3] + F[1] * W[r + 4]
-        P[r + 1] = W[r + 1] + F[2] * W[r + 3] + F[3] * W[r + 4]
-        P[r + 2], P[r + 3], P[r + 4] = W[r + 2], W[r + 3], W[r + 4]
+        P[r] = P[r] + x_theta * P[r + 3] + x_v * P[r + 4]
+        P[r + 1] = P[r + 1] + y_theta * P[r + 3] + y_v * P[r + 4]
     P[0] += q_position * dt
     P[6] += q_position * dt
     P[12] += q_height * dt
@@ -69,15 +69,14 @@ def predict_unicycle(
 
 
 @compiled
-def update_position(x: Any, P: Any, g: Any, z0: float, z1: float, z2: float, R0: float, R1: float, R2: float) -> None:
-    """Fuse north, east, down, one after the other; a variance of 0 leaves that axis out. `g` is room for 5 floats."""
+def update_position(x: Any, P: Any, z0: float, z1: float, z2: float, R0: float, R1: float, R2: float) -> None:
+    """Fuse north, east, down, one after the other; a variance of 0 leaves that axis out."""
     for axis in range(3):
         R = R0 if axis == 0 else (R1 if axis == 1 else R2)
         if R <= 0.0:
             continue
         z = z0 if axis == 0 else (z1 if axis == 1 else z2)
-        for i in range(5):
-            g[i] = P[5 * i + axis]
+        g = (P[axis], P[5 + axis], P[10 + axis], P[15 + axis], P[20 + axis])
         S = g[axis] + R
         y = z - x[axis]
         for i in range(5):
@@ -134,11 +133,11 @@ class UnicycleTrack:
     def advance(self, t_ns: int) -> None:
         if t_ns <= self.t_ns:
             return
-        s, work = self.settings, (room([0.0] * 4), room([0.0] * 25))
+        s = self.settings
         for dt_s in in_steps((t_ns - self.t_ns) / NS, LONGEST_STEP_S):
             u1, unseen_s = self.turn_now_rad_s, self._unseen_s()
             theta_psd = s.theta_psd + s.unseen_turn_rad_s**2 * (2.0 * unseen_s + dt_s)
-            predict_unicycle(self.x, self.P, *work, dt_s, u1, s.position_psd, s.height_psd, theta_psd, s.speed_psd)
+            predict_unicycle(self.x, self.P, dt_s, u1, s.position_psd, s.height_psd, theta_psd, s.speed_psd)
             self.t_ns += round(dt_s * NS)
         self.t_ns = t_ns
 
@@ -169,7 +168,7 @@ class UnicycleTrack:
         decisions = [self._judge(m, axis, y[axis], variance[axis], both_axes=elsewhere) for axis in range(3)]
         kept = [R if d is not Decision.REJECT else 0.0 for R, d in zip(variance, decisions, strict=True)]
         z, theta = m.position_o_m, float(self.x[3])
-        update_position(self.x, self.P, room([0.0] * 5), z[0], z[1], z[2], kept[0], kept[1], kept[2])
+        update_position(self.x, self.P, z[0], z[1], z[2], kept[0], kept[1], kept[2])
         self._learn_turn(float(self.x[3]) - theta)
         self._note(m, any(kept))
         lost = [name for name, d in zip(AXES, decisions, strict=True) if d is Decision.REJECT]
@@ -182,7 +181,7 @@ class UnicycleTrack:
         S = float(self.P[12]) + R
         accepted = self._judge(m, 2, y, R) is not Decision.REJECT
         if accepted:
-            update_position(self.x, self.P, room([0.0] * 5), 0.0, 0.0, down_m, 0.0, 0.0, R)
+            update_position(self.x, self.P, 0.0, 0.0, down_m, 0.0, 0.0, R)
         reason = "fused" if accepted else "outside gate: down"
         return MeasurementVerdict(m.t_ns, m.source, accepted, reason, nis=y * y / S, innovation=(y,))
 

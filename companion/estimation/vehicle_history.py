@@ -92,7 +92,7 @@ class VehicleHistory:
             return None
         reset = self._reset(last, state) if state.reset_counter != self._reset_counter else None
         self._reset_counter = state.reset_counter
-        self._append(_advanced(last, state, reset))
+        self._append(_advanced(last, state, reset, begins=len(self._poses) == 1))
         return reset
 
     def at(self, t_ns: int) -> VehiclePose | None:
@@ -129,8 +129,9 @@ class VehicleHistory:
         return add(last.velocity_ned_m_s, scale(step, min(fraction, 3.0)))
 
 
-def _advanced(last: VehiclePose, state: VehicleState, reset: VehicleReset | None) -> VehiclePose:
-    """One sample on. The interval before a reset was flown with the velocity, and the correction, of before the reset."""
+def _advanced(last: VehiclePose, state: VehicleState, reset: VehicleReset | None, *, begins: bool) -> VehiclePose:
+    """One sample on. The interval before a reset was flown with the velocity, and the correction, of before the reset. What the first
+    interval shows of the correction is taken whole."""
     dt_s = (state.t_ns - last.t_ns) / NS
     if dt_s > MAX_GAP_S and reset is None:
         step = subtract(state.position_ned_m, last.position_ned_m)
@@ -138,14 +139,14 @@ def _advanced(last: VehiclePose, state: VehicleState, reset: VehicleReset | None
     step = ZERO if reset is None else reset.velocity_step_m_s
     mean = scale(add(last.velocity_ned_m_s, subtract(state.velocity_ned_m_s, step)), 0.5)
     moved = scale(subtract(state.position_ned_m, last.position_ned_m), 1.0 / dt_s)
-    correction = last.correction_m_s if reset else _smoothed(last.correction_m_s, subtract(moved, mean), dt_s)
+    share = 1.0 if begins else 1.0 - math.exp(-dt_s / CORRECTION_TIME_S)
+    correction = last.correction_m_s if reset else _smoothed(last.correction_m_s, subtract(moved, mean), share)
     position_o_m = add(last.position_o_m, scale(add(mean, correction), dt_s))
     return _pose(state, position_o_m, subtract(correction, step))
 
 
-def _smoothed(correction_m_s: Vec3, seen_m_s: Vec3, dt_s: float) -> Vec3:
+def _smoothed(correction_m_s: Vec3, seen_m_s: Vec3, share: float) -> Vec3:
     """The correction that goes on, towards what this sample shows of it; an axis that stepped shows nothing."""
-    share = 1.0 - math.exp(-dt_s / CORRECTION_TIME_S)
     north, east, down = (
         old + share * (seen - old) if abs(seen) < FASTEST_CORRECTION_M_S else old
         for old, seen in zip(correction_m_s, seen_m_s, strict=True)

@@ -143,6 +143,18 @@ def test_range_over_the_deck_is_fused_once_vision_is_gone() -> None:
     assert result.observe(range_reading(2.37, None)) is None
 
 
+def test_range_of_a_vehicle_that_leans_above_the_deck_and_looks_beside_it_is_not_taken_for_the_deck() -> None:
+    """Pitched by 15 degrees 4.5 m up, the beam ends 1.2 m ahead of where the vehicle is."""
+    result = tracker()
+    for k in range(120):
+        q = quaternion_from_euler(0.0, math.radians(15.0) if k > 100 else 0.0, 0.0)
+        result.add_vehicle_state(replace(vehicle(0.02 * k), q_ned_frd=q))
+        if k % 2 and 3 < k < 100:
+            t_ns = round(0.02 * (k - 2) * 1e9)
+            result.observe(PadObservation(t_ns, "down", "test", (0.0, 0.0, 4.5), NOISE))
+    assert result.observe(range_reading(2.37, 5.2)) is None
+
+
 def test_range_goes_on_telling_the_height_where_vision_gives_bearings_only() -> None:
     config = Estimation(estimator="bearing_ukf", ground_down_m=-0.3)  # 20 cm wrong
     result = make_tracker(config, Pad(), {"down": Camera(position_frd_m=(0.0, 0.0, 0.0))})

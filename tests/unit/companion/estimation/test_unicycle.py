@@ -18,7 +18,7 @@ def plain(kernel):
 
 def test_prediction_drives_along_the_heading() -> None:
     x, P = [1.0, 2.0, 3.0, math.pi / 2, 2.0], [0.0] * 25
-    plain(predict_unicycle)(x, P, [0.0] * 4, [0.0] * 25, 0.5, 0.0, 0.0, 0.0, 0.0, 0.0)
+    plain(predict_unicycle)(x, P, 0.5, 0.0, 0.0, 0.0, 0.0, 0.0)
     assert x == pytest.approx([1.0, 3.0, 3.0, math.pi / 2, 2.0])
 
 
@@ -27,10 +27,10 @@ def test_compiled_and_plain_kernels_agree_to_the_last_digits() -> None:
     x, P = [0.1, 0.2, 0.3, 0.4, 3.0], [0.3 * (i % 6 == 0) + 0.01 for i in range(25)]
     X, Q = room(x[:]), room(P[:])
     for _ in range(50):
-        plain(predict_unicycle)(x, P, [0.0] * 4, [0.0] * 25, *args)
-        plain(update_position)(x, P, [0.0] * 5, 1.0, 0.5, 0.2, 1e-3, 1e-3, 1e-3)
-        predict_unicycle(X, Q, room([0.0] * 4), room([0.0] * 25), *args)
-        update_position(X, Q, room([0.0] * 5), 1.0, 0.5, 0.2, 1e-3, 1e-3, 1e-3)
+        plain(predict_unicycle)(x, P, *args)
+        plain(update_position)(x, P, 1.0, 0.5, 0.2, 1e-3, 1e-3, 1e-3)
+        predict_unicycle(X, Q, *args)
+        update_position(X, Q, 1.0, 0.5, 0.2, 1e-3, 1e-3, 1e-3)
     assert list(X) == pytest.approx(x, rel=1e-12, abs=1e-12)
     assert list(Q) == pytest.approx(P, rel=1e-10, abs=1e-12)
 
