@@ -177,7 +177,8 @@ class Planning(_Section, frozen=True):
 
 
 class Control(_Section, frozen=True):
-    """Reference and estimate to velocity setpoint. `trajectory_gain_hz` is that of `position_target` alone."""
+    """Reference and estimate to velocity setpoint. `trajectory_gain_hz` is that of `position_target` alone; of `guo` alone are
+    `marker_ahead_m`, how far before the landing point the marker stands, and `max_axis_speed_m_s`, forward and sideways."""
 
     controller: str = "velocity"
     rate_hz: Positive = 50.0
@@ -195,6 +196,8 @@ class Control(_Section, frozen=True):
     max_demand_m_s2: Positive = 5.0
     adaptive_bandwidth_hz: Positive = 0.1
     max_adaptive_m_s: NonNegative = 2.0
+    marker_ahead_m: NonNegative = 0.0
+    max_axis_speed_m_s: Positive = 0.7
     max_speed_m_s: Positive = 12.0
     max_climb_m_s: Positive = 3.0
     max_descent_m_s: Positive = 1.5

@@ -86,6 +86,10 @@ def _centre(marker: Marker) -> Vec3:
     return (*marker.position_m, -marker.height_m)
 
 
+def _seen_yaw_rad(pad: PadEstimate | None) -> float | None:
+    return None if pad is None or pad.vision_age_s is None else pad.yaw_rad
+
+
 class Pipeline:
     """All state that decides: vehicle history, pad estimate, mission, plan, control."""
 
@@ -302,6 +306,7 @@ class Pipeline:
                 position_ned_m=pose.position_ned_m,
                 q_ned_frd=pose.q_ned_frd,
                 goal_position_m=None if goal.style == "pattern" else goal.position_m,
+                pad_yaw_rad=_seen_yaw_rad(pad),
             )
         )
         self._setpoint = self._limited(command.velocity_ned_m_s, command.acceleration_ned_m_s2, pose, pad, facts, dt_s)
@@ -432,7 +437,7 @@ class Pipeline:
             YawInput(
                 yaw_rad=yaw_of(pose.q_ned_frd),
                 initial_yaw_rad=self._start_yaw_rad,
-                pad_yaw_rad=None if pad is None or pad.vision_age_s is None else pad.yaw_rad,
+                pad_yaw_rad=_seen_yaw_rad(pad),
                 velocity_ned_m_s=pose.velocity_ned_m_s,
                 yaw_rate_rad_s=pose.angular_velocity_frd_rad_s[2],
                 commanded_velocity_ned_m_s=commanded_m_s,

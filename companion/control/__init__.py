@@ -11,6 +11,7 @@ from companion.config import Control
 from companion.control.dalang import AbsoluteDampingLaw
 from companion.control.l1 import AdaptiveLaw
 from companion.control.law import ControlInput, Controller, ControlOutput, Reference, YawInput
+from companion.control.marker_centred import MarkerCentredLaw
 from companion.control.p_follow import ProportionalFollowLaw
 from companion.control.position_target import PositionTargetLaw
 from companion.control.target_velocity import TargetVelocityLaw
@@ -23,6 +24,7 @@ CONTROLLERS: dict[str, Callable[[Control], Controller]] = {
     "velocity": VelocityLaw,
     "l1": AdaptiveLaw,
     "dalang": AbsoluteDampingLaw,
+    "guo": MarkerCentredLaw,
     "p_follow": ProportionalFollowLaw,
     "position_target": PositionTargetLaw,
     "target_velocity": TargetVelocityLaw,

@@ -25,7 +25,7 @@ class ControlInput:
     `relative_*` is vehicle minus pad now; `reference` is for now, `reference_ahead`, `pad_velocity_ahead_m_s` and
     `pad_acceleration_ahead_m_s2` are for the moment at which a setpoint sent now will act (`lead_s` later). The vehicle's own
     velocity, position and attitude are for laws that look at more than the difference; `goal_position_m` (vehicle minus pad) is where
-    the reference leads to, for laws that know no reference.
+    the reference leads to, for laws that know no reference; `pad_yaw_rad` is None until the pad has been seen.
     """
 
     dt_s: float
@@ -40,6 +40,7 @@ class ControlInput:
     position_ned_m: Vec3 = ZERO
     q_ned_frd: Quaternion = IDENTITY_QUATERNION
     goal_position_m: Vec3 | None = None
+    pad_yaw_rad: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

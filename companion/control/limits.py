@@ -27,3 +27,8 @@ def limited_length(vector: Vec3, limit: float) -> Vec3:
     """The vector, cut to `limit` with its direction kept."""
     length = norm(vector)
     return vector if length <= limit else scale(vector, limit / length)
+
+
+def clipped(value: float, limit: float) -> float:
+    """Between minus and plus `limit`."""
+    return max(-limit, min(limit, value))

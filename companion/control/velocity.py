@@ -14,6 +14,7 @@ from __future__ import annotations
 from companion.config import Control
 from companion.control.demand import SteadyDemand
 from companion.control.law import ControlInput, ControlOutput
+from companion.control.limits import clipped
 from companion.geometry import ZERO, add, horizontal_norm, scale, subtract
 from companion.messages import Vec3
 
@@ -71,8 +72,4 @@ class VelocityLaw:
             return
         limit = self._config.max_integral_m_s
         grown = add(self._integral_m_s, scale(error_m, self._config.integral_gain_hz2 * dt_s))
-        self._integral_m_s = (_clip(grown[0], limit), _clip(grown[1], limit), _clip(grown[2], limit))
-
-
-def _clip(value: float, limit: float) -> float:
-    return max(-limit, min(limit, value))
+        self._integral_m_s = (clipped(grown[0], limit), clipped(grown[1], limit), clipped(grown[2], limit))

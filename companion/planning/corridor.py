@@ -53,6 +53,34 @@ def corridor_minimum_snap(
     return SnapPath(waypoints_m, durations_s, state)
 
 
+def boxed_minimum_snap(waypoints_m: Array, durations_s: Array, half_side_m: float) -> SnapPath:
+    """Least integral of squared snap from rest to rest that passes each inner waypoint within `half_side_m` on each axis.
+
+    The `guo` paper's corridor: inequalities at the waypoints in place of equalities. Nothing keeps the path in between them.
+    """
+    unit = float(durations_s.mean())
+    values = _known_values(waypoints_m, unit, None, None)
+    hessian = _hessian(durations_s / unit)
+    inner, ends = np.arange(4, len(values) - 4), np.r_[0:4, len(values) - 4 : len(values)]
+    rows = np.eye(len(inner))[::4]
+    for axis in range(3):
+        gradient = hessian[np.ix_(inner, ends)] @ values[ends, axis]
+        quadratic, middles = hessian[np.ix_(inner, inner)], waypoints_m[1:-1, axis]
+        values[inner, axis] = _quadratic_program(quadratic, gradient, rows, middles, half_side_m)
+    state = values.reshape(-1, 4, 3) / (unit ** np.arange(4.0))[None, :, None]
+    return SnapPath(waypoints_m, durations_s, state)
+
+
+def _hessian(durations: Array) -> Array:
+    """Of the integral of squared snap in the Hermite values of one axis, scaled time."""
+    hessian = np.zeros((4 * len(durations) + 4, 4 * len(durations) + 4))
+    for i, duration in enumerate(durations):
+        block = slice(4 * i, 4 * i + 8)
+        powers = np.tile(duration ** np.arange(4.0), 2)
+        hessian[block, block] += snap.GRAM * np.outer(powers, powers) / duration**7
+    return hessian
+
+
 def _known_values(waypoints: Array, unit: float, start: Array | None, end: Array | None) -> Array:
     """Hermite values (4 a waypoint, 3 axes) with the unknown ones zero, in scaled time."""
     known = np.zeros((len(waypoints), 4, 3))
@@ -70,12 +98,11 @@ def _solve(
 ) -> Array:
     """All Hermite values (4 (n + 1), 3). One program for the three axes, since the corridor ties them."""
     base = np.where(unknown[:, None], 0.0, known)
-    hessian, rows, middles = np.zeros((len(known), len(known))), [], []
+    hessian, rows, middles = _hessian(durations), [], []
     free, given = np.flatnonzero(unknown), np.flatnonzero(~unknown)
     for i, duration in enumerate(durations):
         block = slice(4 * i, 4 * i + 8)
         powers = np.tile(duration ** np.arange(4.0), 2)
-        hessian[block, block] += snap.GRAM * np.outer(powers, powers) / duration**7
         points = np.zeros((8, len(known)))
         points[:, block] = BERNSTEIN * powers
         for normal in across(waypoints[i + 1] - waypoints[i]):

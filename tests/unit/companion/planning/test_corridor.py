@@ -10,7 +10,13 @@ pytest.importorskip("piqp")
 import itertools
 
 from companion.planning import Limits, NoPlan, Plan, PlanRequest
-from companion.planning.corridor import CorridorError, CorridorPlanner, across, corridor_minimum_snap
+from companion.planning.corridor import (
+    CorridorError,
+    CorridorPlanner,
+    across,
+    boxed_minimum_snap,
+    corridor_minimum_snap,
+)
 from companion.planning.min_snap import distance_to_segment, durations_by_distance, minimum_snap, sample_segments
 
 WAYPOINTS = np.array([(10, 30, 0), (20, 70, 0), (60, 70, 0), (40, 30, 0), (90, 30, 0)], dtype=float)
@@ -82,3 +88,15 @@ def test_the_planner_says_so_where_no_path_keeps_within_the_corridor() -> None:
     assert isinstance(result, NoPlan)
     assert "leave the corridor of 0.10 m" in result.reason
     assert isinstance(CorridorPlanner(half_width_m=15.0).plan(request), Plan)
+
+
+def test_boxes_are_kept_at_the_waypoints_and_cost_less_snap_than_meeting_them() -> None:
+    waypoints = np.array([(0, 0, 0), (10, 1, 0), (20, 12, -3), (30, 10, 0)], dtype=float)
+    durations = durations_by_distance(waypoints, 30.0)
+    path = boxed_minimum_snap(waypoints, durations, 0.5)
+    away = np.abs(path.state[:, 0] - waypoints)
+    assert away.max() == pytest.approx(0.5, abs=1e-6)
+    assert away[[0, -1]].max() == 0.0
+    assert path.cost < minimum_snap(waypoints, durations).cost
+    met = boxed_minimum_snap(waypoints, durations, 1e-6)
+    assert np.allclose(met.state, minimum_snap(waypoints, durations).state, atol=1e-4)
