@@ -110,7 +110,8 @@ class Thinning:
 @dataclass(slots=True)
 class FlightRecord:
     """Vehicle and pad as Companion believed them (`vehicle`, `pad` in NED; relative) and, in simulation, as they were
-    (`true_*`, NED). `nis` is by source and number of components."""
+    (`true_*`, NED). `nis` and `innovations` are by source and number of components, `judged` counts verdicts by source and reason,
+    `model_probabilities` are by model."""
 
     start_ns: int | None = None
     end_s: float = 0.0
@@ -122,6 +123,9 @@ class FlightRecord:
     pad: Series = field(default_factory=Series)
     pad_sigma_m: Values = field(default_factory=Values)
     nis: dict[tuple[str, int], Values] = field(default_factory=dict)
+    innovations: dict[tuple[str, int], list[Values]] = field(default_factory=dict)
+    judged: dict[tuple[str, bool, str], int] = field(default_factory=dict)
+    model_probabilities: dict[str, Values] = field(default_factory=dict)
     delays_s: dict[str, Values] = field(default_factory=dict)
     true_vehicle: Series = field(default_factory=Series)
     true_pad: Series = field(default_factory=Series)
@@ -177,6 +181,8 @@ class FlightRecord:
             case PadEstimate():
                 self.pad.add(t_s, message.position_ned_m)
                 self.pad_sigma_m.add(t_s, message.position_sigma_m)
+                for model, probability in message.model_probabilities:
+                    self.model_probabilities.setdefault(model, Values()).add(t_s, probability)
             case VelocitySetpoint():
                 self._add_setpoint(t_s, message)
             case PadObservation():
@@ -207,11 +213,16 @@ class FlightRecord:
                 self.setpoint_pauses_s.append(gap_s)
 
     def _add_verdict(self, t_s: float, verdict: MeasurementVerdict) -> None:
+        judged = (str(verdict.source), verdict.accepted, verdict.reason)
+        self.judged[judged] = self.judged.get(judged, 0) + 1
         if not verdict.accepted:
             self.rejected_s.append(t_s)
         if verdict.nis is not None:
-            components = max(1, len(verdict.innovation))
-            self.nis.setdefault((str(verdict.source), components), Values()).add(t_s, verdict.nis)
+            key = (str(verdict.source), max(1, len(verdict.innovation)))
+            self.nis.setdefault(key, Values()).add(t_s, verdict.nis)
+            each = self.innovations.setdefault(key, [Values() for _ in verdict.innovation])
+            for series, value in zip(each, verdict.innovation, strict=True):
+                series.add(t_s, value)
 
     def add_truth(self, t_ns: int, vehicle_ned_m: Vec3, pad_ned_m: Vec3) -> None:
         """Simulation only: where vehicle and pad really are."""

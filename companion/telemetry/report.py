@@ -7,7 +7,7 @@ sample frames, asked against flown, delays, health. Where the truth is not known
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from html import escape
 from typing import Any
@@ -20,6 +20,7 @@ from companion.telemetry.scene3d import paths, scene_html
 from companion.telemetry.svg_plot import Band, Chart, Line, svg
 
 BLUE, ORANGE, GREEN, RED, GREY = "#2563eb", "#ea580c", "#16a34a", "#dc2626", "#94a3b8"
+AXES = (("north", BLUE), ("east", ORANGE), ("down", GREEN))
 
 PHASE_COLOURS: dict[Phase, str] = {
     Phase.ENGAGE: "#f1f5f9",
@@ -68,7 +69,7 @@ def report_html(record: FlightRecord, figures: Mapping[str, Any], *, title: str,
 <h2>What to look at first</h2>{_looks(record, figures)}
 <h2>Path</h2>{scene_html(record)}<div class="grid2">{svg(_plan_view(record))}{_charts(record, [_side_view(record)])}</div>
 <h2>Against the pad</h2><div class="grid2">{_charts(record, _relative_charts(record))}</div>
-<h2>Estimate: errors and innovations with their bounds</h2><div class="grid2">{_charts(record, _estimate_charts(record))}</div>
+<h2>Estimate: errors and innovations with their bounds</h2><div class="grid2">{_charts(record, _estimate_charts(record))}</div>{_judged_table(record)}
 <h2>Detection</h2><div class="grid2">{_charts(record, [_detection_chart(record)])}</div>{filmstrip_html(record)}
 <h2>Setpoints against response</h2><div class="grid2">{_charts(record, _response_charts(record))}</div>
 <h2>Delays</h2><div class="grid2">{_charts(record, _delay_charts(record))}</div>
@@ -188,7 +189,8 @@ def _response_charts(record: FlightRecord) -> list[Chart]:
 
 
 def _estimate_charts(record: FlightRecord) -> list[Chart]:
-    """Errors of what is believed, where the truth is known, with three sigma; innovations squared with their 95 % bound."""
+    """Errors of what is believed, where the truth is known, with three sigma; what each model of the bank is believed; innovations,
+    and their squares with the 95 % bound."""
     sigma = record.pad_sigma_m
     t_s, errors = estimate_errors(record)
     bound = Line("3 sigma", ORANGE, sigma.t_s, [3.0 * value for value in sigma.values])
@@ -199,7 +201,29 @@ def _estimate_charts(record: FlightRecord) -> list[Chart]:
         (Line("true error", BLUE, t_s, list(errors)), bound) if errors else (bound,),
         y_range=(0.0, 3.0),
     )
-    return [error, *(_innovation_chart(key, series) for key, series in sorted(record.nis.items()))]
+    charts = [error, _model_chart(record)] if record.model_probabilities else [error]
+    for key in sorted(record.nis):
+        charts += [_innovation_chart(key, record.innovations[key]), _nis_chart(key, record.nis[key])]
+    return charts
+
+
+def _model_chart(record: FlightRecord) -> Chart:
+    colours = (BLUE, ORANGE, GREEN, RED, GREY)
+    lines = tuple(
+        Line(model.replace("_", " "), colours[k % len(colours)], series.t_s, list(series.values))
+        for k, (model, series) in enumerate(record.model_probabilities.items())
+    )
+    return Chart("Probability of each motion model", "time, s", "", lines, y_range=(0.0, 1.0))
+
+
+def _innovation_chart(key: tuple[str, int], each: Sequence[Values]) -> Chart:
+    """One component alone is the height."""
+    axes = AXES[2:] if len(each) == 1 else AXES
+    lines = tuple(
+        Line(name, colour, series.t_s, list(series.values), dots=True)
+        for (name, colour), series in zip(axes, each, strict=False)
+    )
+    return Chart(f"Innovations: {_named(key)}", "time, s", "m", lines)
 
 
 def estimate_errors(record: FlightRecord) -> tuple[list[float], list[float]]:
@@ -216,12 +240,16 @@ def estimate_errors(record: FlightRecord) -> tuple[list[float], list[float]]:
     return times, errors
 
 
-def _innovation_chart(key: tuple[str, int], series: Values) -> Chart:
+def _named(key: tuple[str, int]) -> str:
     source, components = key
-    bound = NIS_95.get(components, 0.0)
+    return f"{source.replace('_', ' ')}, {components} component{'s' if components > 1 else ''}"
+
+
+def _nis_chart(key: tuple[str, int], series: Values) -> Chart:
+    bound = NIS_95.get(key[1], 0.0)
     span = (series.t_s[:1] + series.t_s[-1:]) or [0.0, 1.0]
     return Chart(
-        f"Innovations: {source.replace('_', ' ')}, {components} component{'s' if components > 1 else ''}",
+        f"Innovations squared: {_named(key)}",
         "time, s",
         "squared / variance",
         (
@@ -254,6 +282,17 @@ def _delay_charts(record: FlightRecord) -> list[Chart]:
     ]
     gaps = Line("", BLUE, record.setpoint_gaps_s.t_s, [1e3 * gap_s for gap_s in record.setpoint_gaps_s.values])
     return [*charts, Chart("From one setpoint to the next", "time, s", "ms", (gaps,), y_range=(0.0, 60.0))]
+
+
+def _judged_table(record: FlightRecord) -> str:
+    """What became of the measurements: how many of each source for each reason."""
+    if not record.judged:
+        return ""
+    rows = "".join(
+        f"<tr{_emphasis(not accepted)}><td>{escape(source.replace('_', ' '))}</td><td>{escape(reason)}</td><td>{count}</td></tr>"
+        for (source, accepted, reason), count in sorted(record.judged.items())
+    )
+    return f"<table><tr><th>source</th><th>what became of it</th><th>measurements</th></tr>{rows}</table>"
 
 
 def _health_table(record: FlightRecord) -> str:

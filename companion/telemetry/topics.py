@@ -18,6 +18,7 @@ from companion.messages import (
     AutopilotText,
     CommandResult,
     Health,
+    MeasurementVerdict,
     Message,
     MissionView,
     OperatorAction,
@@ -101,6 +102,9 @@ class Topic:
 TOPICS = (
     Topic("state", "out", VehicleState, 10.0, False, 0, "the vehicle as the autopilot believes it"),
     Topic("estimate", "out", PadEstimate, 10.0, False, 0, "the pad as Companion believes it"),
+    Topic(
+        "verdict", "out", MeasurementVerdict, None, False, 0, "what became of each measurement and why, innovation, NIS"
+    ),
     Topic(
         "mission", "out", MissionView, 5.0, False, 0, "phase, position and speed against the pad, what is waited for"
     ),

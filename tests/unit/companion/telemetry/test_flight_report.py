@@ -15,6 +15,7 @@ from companion.messages import (
     Health,
     MeasurementVerdict,
     ObservationSource,
+    PadEstimate,
     PadNotSeen,
     PadObservation,
     Phase,
@@ -114,6 +115,31 @@ def test_an_estimator_that_is_too_sure_is_named_by_its_source() -> None:
             MeasurementVerdict(i * 10**7, ObservationSource.VISION_POSE, True, "fused", nis=nis, innovation=(0.1,) * 3)
         )
     assert "bound: vision_pose 34 %" in texts(record)
+
+
+def test_every_verdict_its_innovation_and_the_models_are_in_the_page() -> None:
+    record = flight()
+    beacon, vision = ObservationSource.BEACON, ObservationSource.VISION_POSE
+    for i in range(3):
+        record.add(MeasurementVerdict(i * 10**7, vision, True, "fused", nis=1.0, innovation=(0.1, 0.2, 0.3)))
+    record.add(MeasurementVerdict(10**8, beacon, False, "older than the history"))
+    record.add(MeasurementVerdict(10**8, beacon, True, "outside gate: east", nis=20.0, innovation=(0.0, 9.0, 0.1)))
+    record.add(PadEstimate(
+        0, ZERO, ZERO, ZERO, 0.0, 0.0, ((1.0,) * 6,) * 6, 0.0, None, "constant_velocity", (("constant_velocity", 0.7), ("coordinated_turn", 0.3)),
+    ))  # fmt: skip
+    page = report_html(record, {}, title="", line="")
+    for row in (
+        ("vision pose", "fused", "3"),
+        ("beacon", "older than the history", "1"),
+        ("beacon", "outside gate: east", "1"),
+    ):
+        assert "".join(f"<td>{cell}</td>" for cell in row) in page
+    titles = re.findall(r'class="title"[^>]*>([^<]*)<', page)
+    for source in ("vision pose", "beacon"):
+        assert f"Innovations: {source}, 3 components" in titles
+        assert f"Innovations squared: {source}, 3 components" in titles
+    assert "Probability of each motion model" in titles
+    assert "coordinated turn" in page
 
 
 def test_the_page_has_every_section_and_asks_nobody_for_anything() -> None:

@@ -9,10 +9,13 @@ import pytest
 
 from companion.messages import (
     Health,
+    MeasurementVerdict,
+    ObservationSource,
     OperatorAction,
     OperatorCommand,
     Output,
     PadBeacon,
+    PadEstimate,
     Phase,
     PhaseChanged,
     VehicleState,
@@ -50,9 +53,22 @@ def test_no_two_topics_share_a_name_or_a_content() -> None:
     assert len({topic.name for topic in TOPICS}) == len(TOPICS) == len(BY_CONTENT)
 
 
-def test_what_the_pipeline_gives_out_is_published_but_for_the_verdicts_on_single_measurements() -> None:
-    missing = {output.__name__ for output in get_args(Output) if output not in BY_CONTENT}
-    assert missing == {"MeasurementVerdict"}
+def test_whatever_the_pipeline_gives_out_is_published() -> None:
+    assert {output.__name__ for output in get_args(Output) if output not in BY_CONTENT} == set()
+
+
+def test_every_verdict_is_published_with_its_reason_innovation_and_nis() -> None:
+    limits = RateLimits()
+    verdicts = [
+        MeasurementVerdict(NOW_NS, ObservationSource.VISION_POSE, True, "fused", 2.5, (0.1, -0.2, 0.3)),
+        MeasurementVerdict(NOW_NS, ObservationSource.BEACON, False, "older than the history"),
+    ]
+    assert [limits.passes(verdict) for verdict in verdicts] == [True, True]
+    sent = [msgspec.json.decode(payload_of(verdict, unix_minus_monotonic_ns=SHIFT_NS)) for verdict in verdicts]
+    assert [content["reason"] for content in sent] == ["fused", "older than the history"]
+    assert sent[0]["innovation"] == [0.1, -0.2, 0.3]
+    assert sent[0]["nis"] == 2.5
+    assert "model_probabilities" in schema_of(BY_CONTENT[PadEstimate])["$defs"]["PadEstimate"]["properties"]
 
 
 def test_a_payload_reads_back_as_the_message_and_says_the_time_on_the_wall_clock() -> None:
