@@ -329,7 +329,7 @@ class Mqtt(_Section, frozen=True):
     prefix: Annotated[str, Meta(pattern="^[^/+#$][^+#]*$", max_length=200)] = "companion"
     client_id: str = ""
     accept: tuple[Literal["command", "pad"], ...] = ("command", "pad")
-    queue: Annotated[int, Meta(ge=1, le=100_000)] = 1024
+    queue: Annotated[int, Meta(ge=1, le=100_000)] = 256
     keepalive_s: Annotated[int, Meta(ge=2, le=3600)] = 10
     timeout_s: Positive = 3.0
     max_backoff_s: Positive = 15.0
