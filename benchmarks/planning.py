@@ -27,7 +27,7 @@ from companion.campaign.runner import Flight
 from companion.compiled import COMPILED
 from companion.config import Planning, load_with
 from companion.messages import Input, Phase, Tick
-from companion.planning import PLANNERS, FieldOfView, Limits, Plan, PlanRequest, admitting_start, fan
+from companion.planning import PLANNERS, Cylinder, FieldOfView, Limits, Plan, PlanRequest, admitting_start, fan
 from companion.planning.catmull_rom import catmull_rom_path
 from companion.planning.corridor import corridor_minimum_snap
 from companion.planning.min_jerk import MinJerkPlanner, end_times, floats, floats_of, integers, limit_array, pad_array
@@ -37,6 +37,7 @@ from companion.planning.min_snap import (
     improved_minimum_snap,
     minimum_snap,
 )
+from companion.planning.obstacle import centre_at
 from companion.planning.snap import GRAM, solve
 from companion.planning.trajectory import Trajectory
 from sitl_stub.scenario import load
@@ -192,13 +193,70 @@ def planner_times(count: int) -> dict[str, dict[str, float]]:
                 durations.append(result.trajectory.duration_s)
                 violating += _violates(request, result.trajectory)
         table[name] = {
-            "p50_ms": float(np.percentile(times, 50)) * 1e3,
-            "p99_ms": float(np.percentile(times, 99)) * 1e3,
+            **_percentiles_ms(times),
             "found": found / (count + 1),
             "violating": violating,
             "duration_s": float(np.mean(durations)),
         }
     return table
+
+
+def ways_round(count: int) -> dict[str, dict[str, float]]:
+    """Random ways of 12 to 40 m past a no-fly cylinder near their middle, over a pad at up to 3 m/s."""
+    rng = np.random.default_rng(5)
+    requests = [request for request in (_past_a_cylinder(rng) for _ in range(count)) if request is not None]
+    results = {}
+    for name in sorted(PLANNERS):
+        made = PLANNERS[name](Planning(corridor_half_width_m=6.0))
+        times, plans = [], []
+        for request in requests:
+            began = time.process_time()
+            plans.append(made.plan(request))
+            times.append(time.process_time() - began)
+        found = [(r, p) for r, p in zip(requests, plans, strict=True) if isinstance(p, Plan)]
+        results[name] = {
+            **_percentiles_ms(times),
+            "asked": len(requests),
+            "found": len(found),
+            "through": sum(_meets(request, plan.trajectory) for request, plan in found),
+        }
+    return results
+
+
+def _past_a_cylinder(rng: np.random.Generator) -> PlanRequest | None:
+    """None where the cylinder holds the start or the goal."""
+    bearing, way_m, speed_m_s, course = (rng.uniform(*r) for r in ((0.0, 6.28), (12.0, 40.0), (0.0, 3.0), (0.0, 6.28)))
+    start = (float(way_m * np.cos(bearing)), float(way_m * np.sin(bearing)))
+    share, radius_m = rng.uniform(0.3, 0.7), float(rng.uniform(1.0, 4.0))
+    north, east = (float(share * start[k] + rng.uniform(-1.0, 1.0)) for k in (0, 1))
+    if min(np.hypot(north, east), np.hypot(north - start[0], east - start[1])) < 1.1 * radius_m:
+        return None
+    return admitting_start(
+        PlanRequest(
+            t_ns=0,
+            position_m=(*start, -float(rng.uniform(5.0, 10.0))),
+            velocity_m_s=(float(rng.uniform(-1.0, 1.0)), float(rng.uniform(-1.0, 1.0)), 0.0),
+            limits=Limits(relative_speed_m_s=4.0),
+            goal_position_m=(0.0, 0.0, -5.0),
+            pad_velocity_m_s=(float(speed_m_s * np.cos(course)), float(speed_m_s * np.sin(course)), 0.0),
+            obstacles=(Cylinder((north, east), radius_m),),
+        )
+    )
+
+
+def _meets(request: PlanRequest, path: Trajectory) -> bool:
+    """Sampled, not proven: a second opinion."""
+    (cylinder,) = request.obstacles
+    for t_s in np.linspace(0.0, path.duration_s, 1001).tolist():
+        here, centre = path.sample(t_s)[0], centre_at(cylinder, request.pad_velocity_m_s, t_s)
+        if np.hypot(here[0] - centre[0], here[1] - centre[1]) < cylinder.radius_m - 1e-6:
+            return True
+    return False
+
+
+def _percentiles_ms(times_s: list[float]) -> dict[str, float]:
+    p50, p99, p100 = np.percentile(times_s, [50, 99, 100]).tolist()
+    return {"p50_ms": 1e3 * p50, "p99_ms": 1e3 * p99, "p100_ms": 1e3 * p100}
 
 
 def _violates(request: PlanRequest, path: Trajectory) -> bool:
@@ -217,7 +275,7 @@ def tick_time(cycles: int = 1000) -> dict[str, float]:
         planner.plan(request)
         if k:
             times.append(time.thread_time() - begin)
-    return {f"p{q}_ms": float(np.percentile(times, q)) * 1e3 for q in (50, 99, 100)}
+    return _percentiles_ms(times)
 
 
 def whole_tick_time(seed: int = 1) -> dict[str, float]:
@@ -237,7 +295,7 @@ def whole_tick_time(seed: int = 1) -> dict[str, float]:
 
     setattr(pipeline, "handle", timed)  # noqa: B010  an instance is watched, not the class changed
     outcome = flight.run(lambda: False).outcome
-    figures = {f"p{q}_ms": float(np.percentile(times, q)) * 1e3 for q in (50, 99, 100)}
+    figures = _percentiles_ms(times)
     return {"landed": float(outcome == "landed"), "ticks": float(len(times)), **figures}
 
 
@@ -322,6 +380,7 @@ def measure(candidates: int) -> dict[str, Any]:
         "whole 50 Hz tick of a flight, 200 candidates": whole_tick_time(),
         "sample of a plan, us": sample_time(),
         "planners": planner_times(300),
+        "past a no-fly cylinder": ways_round(400),
         "minimum snap by segments": snap_times(),
         "guo": guo_table(),
     }

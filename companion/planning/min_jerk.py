@@ -20,8 +20,8 @@ from companion.config import Planning
 from companion.geometry import norm, subtract
 from companion.messages import Vec3
 from companion.planning import fan
-from companion.planning.limits import GRAVITY_M_S2, TOLERANCE, Limits, capped, excess
-from companion.planning.proof import pad_velocities, prove
+from companion.planning.limits import GRAVITY_M_S2, TOLERANCE, capped, excess
+from companion.planning.proof import misses_volumes, pad_velocities, prove
 from companion.planning.request import NoPlan, Plan, PlanRequest, least_duration_s
 from companion.planning.trajectory import Trajectory, quintic
 
@@ -94,7 +94,7 @@ class MinJerkPlanner:
             return NoPlan("min_jerk", request.t_ns, _refusals(self._verdicts, len(candidates)))
         for k in self._in_order(candidates) if request.obstacles else [best]:
             plan = _plan(request, candidates[k][0], ends[9 * k : 9 * k + 9], float(self._costs[k]))
-            if _misses_volumes(plan, request):
+            if misses_volumes(plan.trajectory, request):
                 return plan
         return NoPlan("min_jerk", request.t_ns, "every candidate meets a no-fly volume")
 
@@ -123,26 +123,6 @@ class MinJerkPlanner:
         pad_change = norm(subtract(request.pad_velocity_m_s, planned.pad_velocity_m_s))
         moved = norm(subtract(request.goal_position_m, planned.goal_position_m)) + left * pad_change
         return drift + moved < self._switch_distance_m and _holds_for(plan, planned, request, pad_change)
-
-
-UNLIMITED = Limits(
-    max_speed_m_s=math.inf,
-    max_climb_m_s=math.inf,
-    max_descent_m_s=math.inf,
-    max_acceleration_m_s2=math.inf,
-    max_jerk_m_s3=math.inf,
-    thrust_to_weight=math.inf,
-    min_thrust_to_weight=-math.inf,
-    max_body_rate_rad_s=math.inf,
-    floor_m=None,
-)
-"""For asking about no-fly volumes alone: the kernel has proven the rest."""
-
-
-def _misses_volumes(plan: Plan, request: PlanRequest) -> bool:
-    if not request.obstacles:
-        return True
-    return prove(plan.trajectory, replace(request, limits=UNLIMITED, cone=None, field_of_view=None)).holds
 
 
 def _asks_something_else(planned: PlanRequest, request: PlanRequest) -> bool:

@@ -55,6 +55,12 @@ def prove(trajectory: Trajectory, request: PlanRequest, parts: int = PARTS) -> P
     return Proof(bounds, slowdown, reason)
 
 
+def misses_volumes(trajectory: Trajectory, request: PlanRequest, parts: int = PARTS) -> bool:
+    """Whether it surely misses every no-fly volume of the request; nothing else is asked."""
+    starts, width, points = bernstein_parts(trajectory, parts)
+    return all(_clear_of(request, obstacle, starts, width, points) for obstacle in request.obstacles)
+
+
 def pad_velocities(request: PlanRequest) -> tuple[Vec3, ...]:
     """The two ends of the range in which the pad's velocity is taken to stay."""
     now = request.pad_velocity_m_s

@@ -11,9 +11,10 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from companion.geometry import add, horizontal_norm, subtract
+from companion.geometry import ZERO, add, horizontal_norm, subtract
 from companion.messages import Vec3
 from companion.planning.obstacle import Obstacle, centre_at, moved
+from companion.planning.proof import misses_volumes
 from companion.planning.request import NoPlan, Plan, Planner, PlanRequest, joined
 
 WIDTHS = (1.25, 1.8)
@@ -43,31 +44,32 @@ class RoundVolumes:
         self._planner = planner
 
     def plan(self, request: PlanRequest) -> Plan | NoPlan:
-        """The planner's own answer where it has a plan or no volume is to blame, else the first way round."""
-        result = self._planner.plan(request)
-        if isinstance(result, Plan) or not request.obstacles:
-            return result
+        """The direct way where it is clear, else the first way round that is; else what the planner itself finds, or why not."""
+        if not request.obstacles:
+            return self._planner.plan(request)
         direct = self._planner.plan(replace(request, obstacles=()))
-        if isinstance(direct, NoPlan):
+        if isinstance(direct, NoPlan) or misses_volumes(direct.trajectory, request):
             return direct
         meeting = deepest(direct, request)
-        longest_s = LONGEST * direct.trajectory.duration_s
+        longest_s = min(request.max_duration_s, LONGEST * direct.trajectory.duration_s)
         for across in _sideways(meeting, request):
-            way = self._by(replace(request, max_duration_s=min(request.max_duration_s, longest_s)), meeting, across)
+            way = self._by(replace(request, max_duration_s=longest_s), meeting, across)
             if way is not None:
                 return way
-        return result
+        return self._planner.plan(request)
 
     def _by(self, request: PlanRequest, meeting: Meeting, across: Vec3) -> Plan | None:
         """Two plans that pass the volume's centre at `across`; when the first gets there says where the centre is then."""
-        unhindered = self._planner.plan(_to(replace(request, obstacles=()), meeting, across, meeting.t_s))
-        if isinstance(unhindered, NoPlan):
+        first = self._planner.plan(_to(request, meeting, across, meeting.t_s))
+        if isinstance(first, Plan) and request.pad_velocity_m_s != ZERO:
+            first = self._planner.plan(_to(request, meeting, across, first.trajectory.duration_s))
+        if isinstance(first, NoPlan) or not misses_volumes(first.trajectory, request):
             return None
-        first = self._planner.plan(_to(request, meeting, across, unhindered.trajectory.duration_s))
-        if isinstance(first, NoPlan):
+        onwards = _onwards(request, first)
+        second = self._planner.plan(replace(onwards, obstacles=()))
+        if isinstance(second, NoPlan) or not misses_volumes(second.trajectory, onwards):
             return None
-        second = self._planner.plan(_onwards(request, first))
-        return None if isinstance(second, NoPlan) else joined(first, second)
+        return joined(first, second)
 
 
 def _to(request: PlanRequest, meeting: Meeting, across: Vec3, arrival_s: float) -> PlanRequest:
@@ -78,6 +80,7 @@ def _to(request: PlanRequest, meeting: Meeting, across: Vec3, arrival_s: float) 
         goal_position_m=(x + across[0], y + across[1], meeting.position_m[2]),
         goal_velocity_m_s=meeting.velocity_m_s,
         min_duration_s=max(request.min_duration_s, arrival_s),
+        obstacles=(),
     )
 
 

@@ -41,18 +41,22 @@ TAN_HALF_VIEW = (0.9, 0.57)
 NOISE_M = 0.01
 COVARIANCE = ((4e-4, 0.0, 0.0), (0.0, 4e-4, 0.0), (0.0, 0.0, 4e-4))
 ROTATION = ((4e-4, 0.0, 0.0), (0.0, 4e-4, 0.0), (0.0, 0.0, 4e-4))
+SETPOINT_ID = (84).to_bytes(3, "little")
 KEPT = (Health, VehicleCommand, PhaseChanged, VehicleStatus, VelocitySetpoint)
 
 
 @dataclass
 class Rig:
-    """One flight. `cut` drops every datagram of both directions, `paused` stops the onboard program's own timers."""
+    """One flight. `cut` drops every datagram of both directions, `deaf` those to the autopilot only; `paused` stops the onboard
+    program's own timers. `sent` holds what left for the autopilot, with its time, also what was dropped."""
 
     world_changes: dict[str, Any]
     config: Config = field(default_factory=Config)
     seed: int = 1
     scenario: str = "line"
     cut: bool = False
+    deaf: bool = False
+    sent: list[tuple[float, bytes]] = field(default_factory=list)
     paused: bool = False
     kept: list[tuple[float, Message]] = field(default_factory=list)
 
@@ -77,9 +81,9 @@ class Rig:
         return self.onboard.pipeline.phase
 
     def turn(self) -> None:
-        outgoing = [] if self.cut else [Datagram("onboard", data) for data in self.onboard.datagrams_to_send()]
-        if self.cut:
-            self.onboard.datagrams_to_send()
+        leaving = self.onboard.datagrams_to_send()
+        self.sent += [(self.now_s, data) for data in leaving]
+        outgoing = [] if self.cut or self.deaf else [Datagram("onboard", data) for data in leaving]
         stepped = self.world.step(STEP_S, outgoing)
         self._truths.append(self.world.truth())
         for datagram in stepped.datagrams:
@@ -118,6 +122,10 @@ class Rig:
 
     def messages(self, kind: type, *, after_s: float = 0.0) -> list[Any]:
         return [message for t_s, message in self.kept if isinstance(message, kind) and t_s > after_s]
+
+    def setpoints_sent(self, after_s: float = 0.0) -> list[tuple[float, bytes]]:
+        """Time and payload of each SET_POSITION_TARGET_LOCAL_NED on the wire (MAVLink 2)."""
+        return [(t_s, data[10:-2]) for t_s, data in self.sent if t_s > after_s and data[7:10] == SETPOINT_ID]
 
     def phases(self) -> list[Phase]:
         return [change.after for change in self.messages(PhaseChanged)]

@@ -19,6 +19,7 @@ from companion.messages import (
     Health,
     OperatorAction,
     Phase,
+    PhaseChanged,
     VehicleCommand,
     VehicleStatus,
     VelocitySetpoint,
@@ -60,7 +61,7 @@ def test_a_cut_link_is_survived_or_final_and_offboard_is_never_taken_back(phase:
         assert Phase.IDLE not in rig.phases(), "short enough to go on"
         return
     assert rig.phase is Phase.IDLE, rig.onboard.pipeline.note
-    assert rig.messages(VelocitySetpoint, after_s=back_s) == []
+    assert rig.setpoints_sent(back_s) == []
     assert rig.messages(VehicleCommand, after_s=back_s) == []
     modes = {status.mode for status in rig.messages(VehicleStatus, after_s=back_s + 1.0)}
     assert AutopilotMode.OFFBOARD not in modes
@@ -75,16 +76,72 @@ def test_a_program_that_stood_still_for_over_a_second_does_not_fly_on() -> None:
     back_s = rig.now_s
     rig.run(3.0)
     assert rig.phase is Phase.IDLE, rig.onboard.pipeline.note
-    assert rig.messages(VelocitySetpoint, after_s=back_s) == []
+    assert rig.setpoints_sent(back_s) == []
 
 
-def test_a_program_that_stood_still_for_half_a_second_flies_on_and_lands() -> None:
+def test_a_program_that_stood_still_for_half_a_second_holds_relative_to_the_pad_flies_on_and_lands() -> None:
     rig = Rig({})
     rig.run_to(Phase.DESCEND)
-    rig.paused = True
     rig.run(0.5)
+    rig.paused = True
+    stopped_s = rig.now_s
+    rig.run(0.5)
+    assert rig.setpoints_sent(stopped_s + 0.02) == [], "nobody sends in its place"
     rig.paused = False
+    back_s = rig.now_s
+    assert rig.run(1.0, lambda: bool(rig.messages(VelocitySetpoint, after_s=back_s)))
+    (first,) = rig.messages(VelocitySetpoint, after_s=back_s)
+    vehicle, pad = rig.world.truth().vehicle.velocity_ned_m_s, rig.world.truth().pad_velocity_ned_m_s
+    assert math.dist(first.velocity_ned_m_s[:2], pad[:2]) < 0.6, "with the pad"
+    assert first.velocity_ned_m_s[2] <= vehicle[2] + 0.05, "and no faster down than it was"
     assert rig.fly_out(40.0) == "on_pad"
+
+
+def test_no_setpoint_is_on_the_wire_twice_and_none_outside_our_phases() -> None:
+    """A whole flight with a pause of the program, a cut link and an operator's hold at its end."""
+    rig = Rig({})
+    rig.run_to(Phase.FOLLOW)
+    rig.paused = True
+    rig.run(0.4)
+    rig.paused = False
+    rig.run_to(Phase.DESCEND)
+    rig.cut = True
+    rig.run(0.3)
+    rig.cut = False
+    rig.run(1.0)
+    rig.onboard.operate(OperatorAction.HOLD, "test", rig.now_ns)
+    rig.run(3.0)
+    payloads = [payload for _, payload in rig.setpoints_sent()]
+    made = rig.messages(VelocitySetpoint)
+    assert len(payloads) == len(made) > 100
+    assert len({payload[:4] for payload in payloads}) == len(payloads), "each has a time of its own"
+    held_s = next(t_s for t_s, message in rig.kept if isinstance(message, PhaseChanged) and message.after is Phase.HOLD)
+    assert rig.setpoints_sent(held_s + 0.01) == []
+
+
+@pytest.mark.parametrize("deaf_s", [0.6, 1.04, 1.052, 1.2])
+def test_an_autopilot_that_heard_nothing_for_a_while_is_not_flown_on_behind_its_failsafe(deaf_s: float) -> None:
+    """Only the way to the autopilot is cut, so that setpoints go on leaving. PX4 takes OFFBOARD back at the first setpoint after
+    its failsafe, without a word: whichever side of that moment the link comes back on, Companion either flies on in a
+    flight that was never left, or sends nothing more and leaves no OFFBOARD behind. At 1.052 s the setpoint that brings
+    OFFBOARD back had left before the failsafe was known: it lasts until the autopilot misses the next one."""
+    rig = Rig({})
+    rig.run_to(Phase.FOLLOW)
+    rig.run(0.5)
+    rig.deaf = True
+    rig.run(deaf_s)
+    rig.deaf = False
+    back_s = rig.now_s
+    rig.run(4.0)
+    modes = {status.mode for status in rig.messages(VehicleStatus, after_s=back_s - deaf_s)}
+    if modes == {AutopilotMode.OFFBOARD}:
+        assert rig.phase is not Phase.IDLE, rig.onboard.pipeline.note
+        return
+    assert rig.phase is Phase.IDLE, rig.onboard.pipeline.note
+    idle_s = next(t_s for t_s, message in rig.kept if isinstance(message, PhaseChanged) and message.after is Phase.IDLE)
+    assert idle_s < back_s + 0.2
+    assert rig.setpoints_sent(idle_s + 0.01) == []
+    assert rig.messages(VehicleStatus)[-1].mode is not AutopilotMode.OFFBOARD
 
 
 @pytest.mark.parametrize(
