@@ -178,7 +178,9 @@ class Planning(_Section, frozen=True):
 
 class Control(_Section, frozen=True):
     """Reference and estimate to velocity setpoint. `trajectory_gain_hz` is that of `position_target` alone; of `guo` alone are
-    `marker_ahead_m`, how far before the landing point the marker stands, and `max_axis_speed_m_s`, forward and sideways."""
+    `marker_ahead_m`, how far before the landing point the marker stands, and `max_axis_speed_m_s`, forward and sideways. The pad's
+    heave is sent `vertical_lead_s` ahead: thrust answers at once where a lean takes time, and with the acceleration in the same
+    setpoint what is sent too early arrives too early."""
 
     controller: str = "velocity"
     rate_hz: Positive = 50.0
@@ -189,6 +191,7 @@ class Control(_Section, frozen=True):
     integral_gain_hz2: NonNegative = 0.15
     max_integral_m_s: NonNegative = 0.6
     lead_s: NonNegative = 0.3
+    vertical_lead_s: NonNegative = 0.1
     acceleration_feedforward: bool = True
     acceleration_preview_s: NonNegative = 0.3
     max_acceleration_m_s2: Positive = 5.0
@@ -211,10 +214,11 @@ class Control(_Section, frozen=True):
 class Mission(_Section, frozen=True):
     """When to do what. Heights are above the pad unless a key says otherwise. `search_cone_s` is how long the search goes on
     drifting with the pad's last known velocity, `lost_action` what follows a search that found nothing; `commit_heave_m_s`
-    and `commit_deck_tilt_deg` say which motion of the deck may be touched. `sight = "beacon"` lets the pad's own report stand
-    in for the camera: only where both positions are good to decimetres (RTK, a hall with localisation). `follow_to_the_end`
-    lets the descent begin only when the plan to above the pad has been flown to its end. `follow_behind_m` puts the place to
-    wait for the descent behind the pad instead of above it, for a camera that looks forward at an upright marker.
+    and `commit_deck_tilt_deg` say which motion of the deck may be touched; for the first `quiet_wait_s` of a descent a deck that
+    swings is waited for until it will lean less than `quiet_lean_deg` against the vehicle. `sight = "beacon"` lets the pad's own
+    report stand in for the camera: only where both positions are good to decimetres (RTK, a hall with localisation).
+    `follow_to_the_end` lets the descent begin only when the plan to above the pad has been flown to its end. `follow_behind_m` puts
+    the place to wait for the descent behind the pad instead of above it, for a camera that looks forward at an upright marker.
     `sight_lost_action` is what follows a descent without sight: climb and try again, or the autopilot's Hold until the pad is
     seen again. `approach_waypoints_m` (north, east in local NED) are flown in order after the start while nothing is known of
     the pad; the search then begins around the last."""
@@ -251,6 +255,8 @@ class Mission(_Section, frozen=True):
     commit_tilt_deg: Positive = 25.0
     commit_heave_m_s: Positive = 0.6
     commit_deck_tilt_deg: Positive = 8.0
+    quiet_lean_deg: Positive = 4.0
+    quiet_wait_s: NonNegative = 15.0
     max_go_arounds: Annotated[int, Meta(ge=0)] = 4
     max_commit_s: Positive = 6.0
     blind_height_m: Positive = 0.5

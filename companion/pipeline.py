@@ -15,7 +15,7 @@ from companion.config import Config, Marker
 from companion.control import CONTROLLERS, YAW_LAWS, ControlInput, Reference, YawInput
 from companion.control.limits import limited_length, limited_velocity, slewed
 from companion.detour import cylinders
-from companion.estimation import VehiclePose, make_tracker
+from companion.estimation import PadMotion, VehiclePose, make_tracker
 from companion.estimation.range_watch import RangeWatch
 from companion.geometry import (
     ZERO,
@@ -324,16 +324,23 @@ class Pipeline:
         if pad is None:
             return None
         control = self._config.control
-        ahead = self._tracker.motion(t_ns + round(control.lead_s * 1e9)) or pad
+        ahead = self._foreseen(t_ns, control.lead_s, pad)
         preview = ahead
         if control.acceleration_preview_s != control.lead_s:
-            preview = self._tracker.motion(t_ns + round(control.acceleration_preview_s * 1e9)) or pad
+            preview = self._foreseen(t_ns, control.acceleration_preview_s, pad)
+        heave = ahead
+        if control.vertical_lead_s != control.lead_s:
+            heave = self._foreseen(t_ns, control.vertical_lead_s, pad)
+        acceleration = (*preview.acceleration_ned_m_s2[:2], heave.acceleration_ned_m_s2[2])
         return _Target(
             position_m=pad.position_ned_m,
             velocity_m_s=pad.velocity_ned_m_s,
-            velocity_ahead_m_s=ahead.velocity_ned_m_s,
-            acceleration_ahead_m_s2=preview.acceleration_ned_m_s2 if control.acceleration_feedforward else ZERO,
+            velocity_ahead_m_s=(*ahead.velocity_ned_m_s[:2], heave.velocity_ned_m_s[2]),
+            acceleration_ahead_m_s2=acceleration if control.acceleration_feedforward else ZERO,
         )
+
+    def _foreseen(self, t_ns: int, ahead_s: float, pad: PadEstimate) -> PadMotion | PadEstimate:
+        return self._tracker.motion(t_ns + round(ahead_s * 1e9)) or pad
 
     def _reference(
         self, goal: Goal, target: _Target, pose: VehiclePose, t_ns: int, outputs: list[Output]

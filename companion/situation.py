@@ -11,7 +11,7 @@ from typing import Protocol
 
 from companion.config import Config
 from companion.estimation import DeckMotion, PadMotion, VehiclePose
-from companion.geometry import dot, horizontal_norm, quaternion_from_euler, rotate, subtract
+from companion.geometry import add, dot, horizontal_norm, quaternion_from_euler, rotate, scale, subtract
 from companion.messages import (
     CommandKind,
     CommandResult,
@@ -45,6 +45,9 @@ MAX_SIGHT_DELAY_S = 1.0
 SAME_SIGHT_NS = 1_000_000
 """Rounding of an age to seconds and back is no new sight."""
 
+HANG_TIME_S = 1.0
+"""Over this time the vehicle's own lean is averaged: longer than the corrections of the last metre."""
+
 MAX_CONTACT_S = 3.0
 """A deck is not predicted further ahead."""
 
@@ -71,6 +74,7 @@ class Situation:
         self._evidence: TouchdownEvidence = NO_EVIDENCE
         self._range: RangeMeasurement | None = None
         self._thrust: ThrustReport | None = None
+        self._hanging_down: Vec3 = DOWN
         self._frame_ns: int | None = None
         self._sight: tuple[int, int] | None = None
         self._last_tick_ns: int | None = None
@@ -112,7 +116,9 @@ class Situation:
         status, start = self.status, self.flight_start_ned_m
         home = start if status is None or status.home_position_ned_m is None else status.home_position_ned_m
         away = (0.0, 0.0, 0.0) if start is None or pose is None else subtract(pose.position_ned_m, start)
-        in_s = None if position is None else self._foreseen_contact_s(position)
+        in_s = None if position is None or velocity is None else self._foreseen_contact_s(position, velocity)
+        if pose is not None:
+            self._hang(pose, dt_s)
         return Facts(
             t_ns=t_ns,
             status=status,
@@ -163,12 +169,19 @@ class Situation:
         fenced = start is None or math.dist(point_m, start[:2]) < self._config.safety.geofence_radius_m
         return fenced and inside(self.zones().no_fly, point_m) is None
 
-    def _foreseen_contact_s(self, position: Vec3) -> float | None:
+    def _foreseen_contact_s(self, position: Vec3, velocity: Vec3) -> float | None:
         """Until the feet meet the deck; None higher up."""
-        return None if -position[2] > CONTACT_FORESEEN_BELOW_M else self._contact_s(position)
+        return None if -position[2] > CONTACT_FORESEEN_BELOW_M else self._contact_s(position, velocity)
 
-    def _contact_s(self, position: Vec3) -> float:
-        return min(time_to_contact_s(-position[2], self._config.mission), MAX_CONTACT_S)
+    def _contact_s(self, position: Vec3, velocity: Vec3) -> float:
+        return min(time_to_contact_s(-position[2], velocity[2], self._config.mission), MAX_CONTACT_S)
+
+    def _hang(self, pose: VehiclePose, dt_s: float) -> None:
+        """How the vehicle leans on average: into the wind, and as wrongly as the autopilot believes to be level."""
+        down = rotate(pose.q_ned_frd, DOWN)
+        self._hanging_down = add(
+            self._hanging_down, scale(subtract(down, self._hanging_down), dt_s / (HANG_TIME_S + dt_s))
+        )
 
     def _no_land(self, t_ns: int, zones: Zones, pad: PadEstimate, in_s: float | None) -> str | None:
         """Of the zone in which the pad will be at contact."""
@@ -183,8 +196,11 @@ class Situation:
         if position is None or velocity is None or pad is None:
             return None
         then = None if in_s is None else self._prediction.deck(t_ns + round(in_s * 1e9))
-        deck = then or DeckMotion(pad.velocity_ned_m_s[2], pad.roll_rad, pad.pitch_rad)
-        return contact(self._contact_s(position), position, velocity, deck)
+        tilt = (pad.roll_rad, pad.pitch_rad)
+        deck = then or DeckMotion(pad.velocity_ned_m_s[2], *tilt, tilt)
+        after_s = self._contact_s(position, velocity)
+        hanging = self._hanging_down
+        return contact(after_s, position, velocity, deck, deck_yaw_rad=pad.yaw_rad, hanging_down=hanging)
 
     def _weigh_touchdown(
         self,

@@ -21,6 +21,10 @@ from companion.messages import Vec3
 INTEGRATE_WITHIN_M = 1.0
 """Beyond this error the integral would only learn the approach, not the wind."""
 
+STILL_M_S = 0.1
+"""Nor is the height integrated while its reference moves faster: that would sum the descent's lag up, and meet the deck as much
+faster."""
+
 PRESSED_LEAN = 0.5
 """On the deck the feet's friction carries the vehicle through the curve as well. With this part of the lean it comes down on
 all its feet; with none of it, it slides."""
@@ -50,7 +54,7 @@ class VelocityLaw:
             return ControlOutput(forward, (PRESSED_LEAN * north, PRESSED_LEAN * east, down))
         error = subtract(control.reference.position_m, control.relative_position_m)
         error_rate = subtract(control.reference.velocity_m_s, control.relative_velocity_m_s)
-        self._integrate(error, control.dt_s)
+        self._integrate(error, control)
         c = self._config
         velocity = (
             forward[0] + c.position_gain_hz * error[0] + c.damping * error_rate[0] + self._integral_m_s[0],
@@ -67,9 +71,11 @@ class VelocityLaw:
             self._demand.update(control.velocity_ned_m_s, control.q_ned_frd, control.dt_s)
         return self._demand.acceleration_ned_m_s2
 
-    def _integrate(self, error_m: Vec3, dt_s: float) -> None:
+    def _integrate(self, error_m: Vec3, control: ControlInput) -> None:
         if horizontal_norm(error_m) > INTEGRATE_WITHIN_M:
             return
-        limit = self._config.max_integral_m_s
-        grown = add(self._integral_m_s, scale(error_m, self._config.integral_gain_hz2 * dt_s))
+        north, east, down = error_m
+        moves = abs(control.reference.velocity_m_s[2]) > STILL_M_S
+        limit, gain = self._config.max_integral_m_s, self._config.integral_gain_hz2 * control.dt_s
+        grown = add(self._integral_m_s, scale((north, east, 0.0 if moves else down), gain))
         self._integral_m_s = (clipped(grown[0], limit), clipped(grown[1], limit), clipped(grown[2], limit))

@@ -12,7 +12,7 @@ from companion.estimation.kalman import Vector
 from companion.estimation.oscillator import MEAN, RATE, SWING, Oscillator
 from companion.estimation.vertical import State, VerticalView
 
-HEAVE = Oscillator(sigma=0.4, mean_psd=3e-3)
+HEAVE = Oscillator(sigma=0.7, mean_psd=3e-4)
 BEACON_HEIGHT_SIGMA_M = 2.0
 
 

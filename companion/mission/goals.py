@@ -50,7 +50,7 @@ def goal_of(phase: Phase, facts: Facts, mission: Mission, *, phase_age_s: float 
         case Phase.FOLLOW | Phase.GO_AROUND | Phase.ABORT:
             return Goal("pad", "plan", waiting_place_m(mission.follow_height_m, facts, mission))
         case Phase.DESCEND:
-            return _descent(facts, mission)
+            return _descent(facts, mission, waited_s=phase_age_s)
         case Phase.COMMIT:
             return Goal("pad", "ramp", ZERO, (0.0, 0.0, mission.final_descent_speed_m_s))
         case Phase.TOUCHDOWN:
@@ -64,22 +64,22 @@ def _above(height_m: float) -> Goal:
     return Goal("pad", "plan", (0.0, 0.0, -height_m))
 
 
-def _descent(facts: Facts, mission: Mission) -> Goal:
+def _descent(facts: Facts, mission: Mission, *, waited_s: float) -> Goal:
     """Down to where the last metre begins; level while the pad is out of sight or the vehicle outside the cone."""
     if not may_descend(facts, mission):
         return Goal("pad", "level")
-    if _waits_for_the_deck(facts, mission):
+    if _waits_for_the_deck(facts, mission, waited_s):
         return _above(mission.commit_height_m)
     end = (0.0, 0.0, -0.9 * mission.commit_height_m)
     down = (0.0, 0.0, mission.final_descent_speed_m_s)
     return Goal("pad", "plan", end, down, max_descent_m_s=mission.descent_speed_m_s)
 
 
-def _waits_for_the_deck(facts: Facts, mission: Mission) -> bool:
+def _waits_for_the_deck(facts: Facts, mission: Mission, waited_s: float) -> bool:
     """Low above a deck that heaves or tilts too much at the time of contact."""
     height = facts.height_above_pad_m
     low = height is not None and height < mission.commit_height_m + WAIT_MARGIN_M
-    return low and window_is_closed(facts.contact, mission) is not None
+    return low and window_is_closed(facts.contact, mission, waited_s=waited_s) is not None
 
 
 def may_descend(facts: Facts, mission: Mission) -> bool:

@@ -29,8 +29,9 @@ SETTLED_S = 1.0
 PAD_CHANGED_M_S, PAD_CHANGED_M_S2 = 0.7, 1.0
 """The pad moves differently by this much from what the limits of the running plan were proven for: plan again."""
 
-RAMP_AHEAD_M = 0.25
-"""The ramp's reference runs at most this far below the vehicle, so that a vehicle on the deck is not pushed ever harder."""
+RAMP_AHEAD_M = 0.05
+"""The ramp's reference runs at most this far below the vehicle, so that one that is slow at first does not meet the deck
+faster for it, and one on the deck is not pushed ever harder."""
 
 State = tuple[Vec3, Vec3, Vec3]
 """Position, velocity, acceleration."""

@@ -39,7 +39,7 @@ class Moving:
         return PadMotion((4.0 * t_ns / 1e9, 0.0, -0.5), PAD.velocity_ned_m_s, PAD.acceleration_ned_m_s2, 0.0, 0.0)
 
     def deck(self, t_ns: int) -> DeckMotion:
-        return DeckMotion(0.1 * t_ns / 1e9, 0.0, 0.05)
+        return DeckMotion(0.1 * t_ns / 1e9, 0.0, 0.05, (0.0, 0.0))
 
 
 class Scene:

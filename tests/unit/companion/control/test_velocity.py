@@ -56,6 +56,15 @@ def test_the_integral_learns_a_steady_error_up_to_its_limit() -> None:
     assert controller.update(WITH_PAD).velocity_ned_m_s[0] == 4.0
 
 
+@pytest.mark.parametrize(("sink_m_s", "learned_m_s"), [(0.0, 0.4), (0.5, 0.0)])
+def test_the_lag_of_a_descent_is_not_integrated(sink_m_s: float, learned_m_s: float) -> None:
+    controller = law(integral_gain_hz2=0.5, max_integral_m_s=0.4)
+    sinking = Reference(ABOVE.position_m, (0.0, 0.0, sink_m_s), (0.0, 0.0, 0.0))
+    for _ in range(1000):
+        controller.update(replace(WITH_PAD, relative_position_m=(0.0, 0.0, -5.3), reference=sinking))
+    assert controller.update(WITH_PAD).velocity_ned_m_s[2] == pytest.approx(learned_m_s)
+
+
 def test_far_away_nothing_is_integrated() -> None:
     controller = law(integral_gain_hz2=0.5)
     for _ in range(100):
