@@ -268,6 +268,7 @@ class Mission(_Section, frozen=True):
     pad_lost_s: Positive = 10.0
     touchdown_time_s: Positive = 0.4
     vehicle_leg_height_m: NonNegative = 0.22
+    vehicle_foot_radius_m: NonNegative = 0.2
     disarm: Literal["auto", "force", "never"] = "auto"
 
 

@@ -10,7 +10,7 @@ from companion.geometry import ZERO
 from companion.messages import Phase, Vec3
 from companion.mission.contact import window_is_closed
 from companion.mission.facts import Facts
-from companion.mission.guards import sight_age_s
+from companion.mission.guards import off_the_deck_unseen
 from companion.mission.press import press
 from companion.mission.waiting_place import waiting_place_m
 
@@ -83,9 +83,9 @@ def _waits_for_the_deck(facts: Facts, mission: Mission, waited_s: float) -> bool
 
 
 def may_descend(facts: Facts, mission: Mission) -> bool:
-    """Inside the cone, and the pad seen a moment ago."""
+    """Inside the cone, and the pad seen a moment ago or so well known that it need not be."""
     height, miss = facts.height_above_pad_m, facts.miss_m
     if height is None or miss is None:
         return False
     inside = miss <= mission.cone_radius_m + mission.cone_slope * height
-    return inside and sight_age_s(facts, mission) <= mission.vision_hold_s
+    return inside and off_the_deck_unseen(facts, mission) is None

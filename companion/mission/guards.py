@@ -174,6 +174,28 @@ def too_many_go_arounds(facts: Facts, context: Context) -> str | None:
     return f"{context.go_arounds} go-arounds, at most {context.mission.max_go_arounds}"
 
 
+BLIND_BELOW_M = 2.0
+"""From higher up nothing is landed on that is not seen: who covers the markers may stand on the pad."""
+
+SURE_SIGMAS = 2.0
+"""Of the pad's place along the axis that is worse known: with so much added the predicted miss must still lie on the deck."""
+
+
+def off_the_deck_unseen(facts: Facts, mission: Mission) -> str | None:
+    """Out of sight for longer than `vision_hold_s`, all feet must meet the deck even where the estimate errs as it says it may."""
+    age, then, height = sight_age_s(facts, mission), facts.contact, facts.height_above_pad_m
+    if age <= mission.vision_hold_s:
+        return None
+    if facts.pad is None or then is None or facts.miss_m is None or height is None or height > BLIND_BELOW_M:
+        return f"pad not seen for {age:.1f} s"
+    covariance = facts.pad.covariance
+    spread_m = SURE_SIGMAS * math.sqrt(max(covariance[0][0], covariance[1][1]))
+    off_m, allowed_m = max(facts.miss_m, then.miss_m), facts.half_deck_m - mission.vehicle_foot_radius_m
+    if off_m + spread_m <= allowed_m:
+        return None
+    return f"pad not seen for {age:.1f} s, {off_m:.2f} m off and {spread_m:.2f} m unsure, {allowed_m:.2f} m allowed"
+
+
 def commit_unsafe(facts: Facts, context: Context) -> str | None:
     height, miss, speed = facts.height_above_pad_m, facts.miss_m, facts.relative_speed_m_s
     if height is None or miss is None or speed is None:
@@ -187,10 +209,12 @@ def commit_unsafe(facts: Facts, context: Context) -> str | None:
         return f"the deck will tilt {math.degrees(facts.contact.deck_tilt_rad):.0f} deg"
     if context.phase_age_s > mission.max_commit_s:
         return f"no contact within {mission.max_commit_s:.0f} s"
-    age = sight_age_s(facts, context.mission)
-    if height > mission.blind_height_m and age > mission.vision_lost_descend_s:
+    if height <= mission.blind_height_m:
+        return None
+    age = sight_age_s(facts, mission)
+    if age > mission.vision_lost_descend_s:
         return f"pad not seen for {age:.1f} s at {height:.1f} m"
-    return None
+    return off_the_deck_unseen(facts, mission)
 
 
 def outside_cone(facts: Facts, context: Context) -> str | None:
@@ -217,6 +241,7 @@ def ready_to_commit(facts: Facts, context: Context) -> str | None:
         and speed <= mission.commit_relative_speed_m_s
         and tilt_deg <= mission.commit_tilt_deg
         and window_is_closed(then, mission, waited_s=context.phase_age_s) is None
+        and off_the_deck_unseen(facts, mission) is None
     )
     return f"{miss:.2f} m off, {speed:.2f} m/s against the pad, tilt {tilt_deg:.0f} deg" if fits else None
 

@@ -99,6 +99,22 @@ def test_markers_hidden_for_two_seconds_in_the_descent_do_not_spoil_the_landing(
     assert_landed(result, error_m=0.3)
 
 
+def test_a_pad_whose_markers_vanish_for_good_is_landed_on_while_its_beacon_keeps_it_known() -> None:
+    mission, half_deck_m = Config().mission, 0.5 * Config().pad.width_m
+    result, _ = flown("blind_end", 2)
+    assert_landed(result, error_m=half_deck_m - mission.vehicle_foot_radius_m)
+    assert result.go_arounds == 0
+
+
+def test_nothing_touches_a_pad_that_is_neither_seen_nor_heard_of_in_the_end() -> None:
+    silent = {"kind": "beacon_lost", "when_below_m": 1.6}
+    covered = {"kind": "marker_covered", "when_below_m": 1.6}
+    result, witness = flown("blind_end", 2, world={"faults": [covered, silent], "duration_limit_s": 35.0})
+    assert result.outcome in ("timeout", "held"), result
+    assert result.touchdown_s is None
+    assert any("unsure" in change.reason or "not seen" in change.reason for change in witness.of(PhaseChanged))
+
+
 def test_a_link_cut_for_three_seconds_leaves_the_vehicle_to_the_autopilots_failsafe() -> None:
     cut = {"faults": [{"kind": "datagram_loss", "start_s": 12.0, "duration_s": 3.0}], "duration_limit_s": 30.0}
     result, witness = flown("line", 1, world=cut)
