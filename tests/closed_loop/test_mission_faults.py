@@ -26,6 +26,9 @@ from companion.messages import (
 )
 from companion.mission.search import PATTERNS
 
+STOPPING_M = 5.0
+"""A fence acts when it is crossed, at up to 5 m/s; the autopilot's Hold then brakes."""
+
 pytestmark = pytest.mark.timeout(300)
 
 
@@ -200,6 +203,58 @@ def test_a_start_without_a_camera_is_refused_and_says_so() -> None:
     assert rig.phase is Phase.IDLE
     assert rig.onboard.pipeline.note == "START refused: no camera frames"
     assert rig.messages(VehicleCommand) == []
+
+
+@pytest.mark.parametrize(
+    ("safety", "world", "phase", "note"),
+    [
+        (Safety(geofence_radius_m=8.0), {"place.pad_distance_m": 30.0}, Phase.HOLD, "fence 8 m"),
+        (Safety(ceiling_m=2.0), {"vehicle.start_height_m": 3.0}, Phase.HOLD, "ceiling 2 m"),
+        (Safety(max_flight_time_s=6.0), {}, Phase.RETURN, "s since the start"),
+        (Safety(), {"faults": [{"kind": "battery_low", "start_s": 6.0}]}, Phase.RETURN, "reserve 20%"),
+    ],
+    ids=["fence", "ceiling", "flight time", "battery"],
+)
+def test_each_limit_ends_the_attempt_in_the_autopilots_own_mode(
+    safety: Safety, world: dict[str, Any], phase: Phase, note: str
+) -> None:
+    rig = Rig(world, Config(safety=safety))
+    start = rig.world.truth().vehicle.position_ned_m
+    rig.run_to(phase, 20.0)
+    assert note in rig.onboard.pipeline.note
+    rig.run(3.0)
+    assert rig.setpoints_sent(rig.now_s - 2.0) == []
+    wanted = AutopilotMode.HOLD if phase is Phase.HOLD else AutopilotMode.RETURN
+    assert rig.messages(VehicleStatus)[-1].mode is wanted
+    assert math.dist(rig.world.truth().vehicle.position_ned_m[:2], start[:2]) < safety.geofence_radius_m + STOPPING_M
+
+
+@pytest.mark.parametrize("scenario", ["boat_2m", "boat_4m"])
+def test_a_deck_in_waves_is_touched_and_the_vehicle_stays_on_it(scenario: str) -> None:
+    rig = Rig({}, scenario=scenario)
+    assert rig.fly_out(90.0) == "on_pad", rig.onboard.pipeline.note
+    assert_motors_stopped_on_the_pad_only(rig)
+
+
+def test_an_operators_return_is_the_autopilots_return() -> None:
+    rig = Rig({})
+    rig.run_to(Phase.DESCEND)
+    rig.onboard.operate(OperatorAction.RETURN, "test", rig.now_ns)
+    rig.run_to(Phase.RETURN, 1.0)
+    rig.run(2.0)
+    assert rig.messages(VehicleStatus)[-1].mode is AutopilotMode.RETURN
+    assert rig.setpoints_sent(rig.now_s - 1.0) == []
+
+
+def test_after_the_allowed_go_arounds_the_vehicle_climbs_away_and_holds() -> None:
+    rig = Rig({}, Config(mission=Mission(max_go_arounds=1)))
+    for _ in range(2):
+        rig.run_to(Phase.DESCEND)
+        rig.onboard.operate(OperatorAction.GO_AROUND, "test", rig.now_ns)
+        rig.run(0.1)
+    rig.run_to(Phase.HOLD, 20.0)
+    assert rig.phases()[-2:] == [Phase.ABORT, Phase.HOLD]
+    assert_motors_stopped_on_the_pad_only(rig)
 
 
 @pytest.mark.parametrize("planner", ["bspline", "bezier", "min_snap"])
