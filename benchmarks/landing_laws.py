@@ -32,7 +32,7 @@ from sitl_stub.multirotor import Multirotor
 
 ROOT = Path(__file__).parent.parent
 RECORDED = ROOT / "tests" / "data" / "px4" / "landing_laws.csv"
-STEP_US, LOOK_US, DELAY_US, SETTLE_US = 4_000, 50_000, 60_000, 3_000_000
+STEP_US, RANGE_US, LOOK_US, DELAY_US, SETTLE_US = 4_000, 20_000, 50_000, 60_000, 3_000_000
 HEIGHT_M, OFFSET_M, LIMIT_S, JOIN_S = 10.0, 2.0, 60.0, 40.0
 JOIN_FROM_M_S = 2.5
 LEAST_HEIGHT_M, DISARM_HEIGHT_M, BLIND_BELOW_M = 0.05, 0.15, 0.7
@@ -150,6 +150,8 @@ class Flight:
             self._pilot(t_us)
             s = self._body.state
             range_m = -s.z if s.z < 0.0 else None
+            if t_us % RANGE_US == 0:
+                self._autopilot.see_range(t_us, range_m)
             motors = self._autopilot.step(t_us, self._body.truth(), range_m, STEP_US * 1e-6)
             self._autopilot.datagrams()
             self._body.step(STEP_US * 1e-6, motors)

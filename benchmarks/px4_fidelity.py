@@ -400,7 +400,7 @@ def main(arguments: list[str] | None = None) -> int:
         dest="given",
         const=Given.NOTHING,
         default=Given.HORIZONTAL,
-        help="AUTO.LAND without the recorded horizontal estimate",
+        help="automatic modes without the recorded horizontal estimate",
     )
     inputs.add_argument(
         "--recorded-error",

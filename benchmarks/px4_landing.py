@@ -3,10 +3,10 @@
 The command is in the file's name: `offland_0.5_rng` (OFFBOARD, sinking 0.5 m/s through touchdown, with range sensor), `autoland_norng`,
 `takeoff_offboard_vel_-1`, `takeoff_offboard_pos_-5`, `takeoff_auto`, `takeoff_arm_first`, `gps_loss_offboard`, `land_auto_flight`. At t = 0 it is given: the
 descent, AUTO.LAND, arming, or the loss of GNSS. No noise, no estimate error. PX4 steers by its estimate, so the flight starts at the
-estimated z, and the ground lies at the z that PX4 believed at touchdown. In AUTO.LAND the recorded horizontal estimate is an input: PX4's
-trajectory, the height's too, runs the slower the further the vehicle is behind it horizontally, and its estimate wanders by
-decimetres; `--own-horizontal` of px4_fidelity.py leaves it out. `--recorded-error` gives the vehicle the recording's vertical error as well
-and compares estimate with estimate: what is left then is not the estimator's. NED, seconds since the command. Read by px4_fidelity.py.
+estimated z, and the ground lies at the z that PX4 believed at touchdown. In automatic modes the recorded horizontal estimate is an input:
+PX4's trajectory, the height's too, runs the slower the further the vehicle is behind it horizontally, and its estimate wanders by
+decimetres, also where the vehicle stands and waits for its take-off; `--own-horizontal` of px4_fidelity.py leaves it out. `--recorded-error` gives the vehicle the recording's vertical error as well,
+and the horizontal estimate in every mode, and compares estimate with estimate: what is left then is not the estimator's. NED, seconds since the command. Read by px4_fidelity.py.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from pathlib import Path
 
 import numpy as np
 from px4_recording import Array
+from sih_ground import SihGround
 
 from sitl_stub.airframe import Airframe
 from sitl_stub.autopilot.autopilot import Autopilot, AutopilotOptions
@@ -32,7 +33,7 @@ from sitl_stub.autopilot.vehicle_estimate import VehicleEstimate
 from sitl_stub.multirotor import Multirotor, VehicleTruth
 
 GROUND_ALTITUDE_M = 489.4
-_STEP_US, _STREAM_US, _BEFORE_US = 4_000, 50_000, 2_000_000
+_STEP_US, _RANGE_US, _STREAM_US, _BEFORE_US = 4_000, 20_000, 50_000, 2_000_000
 _RANGE_LEAST_M, _RANGE_MAX_M = 0.05, 100.0
 _RANGE_WRAP_M = 655.36
 """The message counts unsigned centimetres; SIH's vehicle sinks a little below its ground."""
@@ -76,6 +77,17 @@ class Order:
     @property
     def starts_on_ground(self) -> bool:
         return self.kind == "takeoff"
+
+    @property
+    def is_automatic(self) -> bool:
+        """PX4's trajectory is flown, not a stream."""
+        return self.is_landing_mode or self.what in ("auto", "arm_first")
+
+    def steers_by_horizontal(self, given: Given) -> bool:
+        """The recorded horizontal estimate is an input: it moves PX4's trajectory; with the whole error given, it tilts the vehicle, too."""
+        if given is Given.ERROR:
+            return self.kind != "gps_loss"
+        return self.is_automatic and given is Given.HORIZONTAL
 
     @property
     def is_landing_mode(self) -> bool:
@@ -150,9 +162,9 @@ class Given(Enum):
 
     NOTHING = auto()
     HORIZONTAL = auto()
-    """Horizontal position and velocity, in AUTO.LAND."""
+    """Horizontal position and velocity, in the automatic modes."""
     ERROR = auto()
-    """That, and the vertical error."""
+    """That in all modes (as long as there is GNSS), and the vertical error."""
 
 
 class RecordedHorizontal(Estimator):
@@ -162,8 +174,8 @@ class RecordedHorizontal(Estimator):
         super().__init__(parameters, np.random.default_rng(0), NO_ERRORS)
         self._flight = flight
 
-    def step(self, t_us: int, truth: VehicleTruth, range_m: float | None, dt_s: float) -> VehicleEstimate:
-        estimate = super().step(t_us, truth, range_m, dt_s)
+    def step(self, t_us: int, truth: VehicleTruth, dt_s: float) -> VehicleEstimate:
+        estimate = super().step(t_us, truth, dt_s)
         t_s = (t_us - _BEFORE_US) * 1e-6
         x, y, vx, vy = (float(np.interp(t_s, self._flight.t_s, values)) for values in self._flight.horizontal.T)
         if isfinite(x + y + vx + vy):
@@ -188,8 +200,8 @@ class RecordedError(RecordedHorizontal):
         self._rate_m_s = np.gradient(smooth, self._t_s)
         self.vz_error_m_s = 0.0
 
-    def step(self, t_us: int, truth: VehicleTruth, range_m: float | None, dt_s: float) -> VehicleEstimate:
-        estimate = super().step(t_us, truth, range_m, dt_s)
+    def step(self, t_us: int, truth: VehicleTruth, dt_s: float) -> VehicleEstimate:
+        estimate = super().step(t_us, truth, dt_s)
         row = int(np.clip(np.searchsorted(self._t_s, (t_us - _BEFORE_US) * 1e-6), 0, len(self._t_s) - 1))
         self.vz_error_m_s = float(self._vz_m_s[row])
         (x, y, z), (vx, vy, vz) = estimate.position_ned_m, estimate.velocity_ned_m_s
@@ -221,7 +233,7 @@ class FlightReplay:
         )
         self._order = order
         self._autopilot = Autopilot(airframe, None, np.random.default_rng(0), options)
-        if not order.is_landing_mode or given is Given.NOTHING:
+        if not order.steers_by_horizontal(given):
             recorded = replace(recorded, horizontal=np.full((len(recorded.t_s), 4), nan))
         kind = RecordedError if given is Given.ERROR else RecordedHorizontal
         self._autopilot.estimator = kind(self._autopilot.parameters.as_mapping(), recorded)
@@ -229,6 +241,7 @@ class FlightReplay:
         self._ground_z_m = ground_z_m
         self._body = Multirotor(airframe, (0.0, 0.0, start_z_m), motors=(signal, signal, signal, signal))
         self._body.on_surface = order.starts_on_ground
+        self._ground = SihGround(self._body, ground_z_m)
         self._ordered = False
         if not order.starts_on_ground:
             self._autopilot.begin_in_air(self._body.truth())
@@ -240,10 +253,12 @@ class FlightReplay:
             self._pilot(t_us)
             height_m = self._ground_z_m - self._body.state.z
             range_m = height_m if self._order.has_range_sensor and height_m > 0.0 else None
+            if t_us % _RANGE_US == 0:
+                self._autopilot.see_range(t_us, range_m)
             motors = self._autopilot.step(t_us, self._body.truth(), range_m, _STEP_US * 1e-6)
             self._autopilot.datagrams()
             self._body.step(_STEP_US * 1e-6, motors)
-            self._stop_at_the_ground()
+            self._ground.stop(_STEP_US)
             s, autopilot = self._body.state, self._autopilot
             rows.append(
                 (
@@ -263,13 +278,6 @@ class FlightReplay:
     def _vz_error_m_s(self) -> float:
         estimator = self._autopilot.estimator
         return estimator.vz_error_m_s if isinstance(estimator, RecordedError) else 0.0
-
-    def _stop_at_the_ground(self) -> None:
-        """SIH's ground: it holds the vehicle while the net force points down, without bounce or sliding."""
-        s, acceleration = self._body.state, self._body.truth().acceleration_ned_m_s2
-        self._body.on_surface = s.z >= self._ground_z_m and acceleration[2] >= 0.0
-        if self._body.on_surface:
-            self._body.state = s._replace(z=self._ground_z_m, vx=0.0, vy=0.0, vz=0.0, p=0.0, q=0.0, r=0.0)
 
     def _pilot(self, t_us: int) -> None:
         autopilot, order = self._autopilot, self._order

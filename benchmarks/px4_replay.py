@@ -133,7 +133,7 @@ class Replay:
         sent_us = -_STREAM_US
         for tick in range(int((end_s - start_s) * 1e6 / STEP_US) + 1):
             t_us = tick * STEP_US
-            estimate = self._estimator.step(t_us, self._body.truth(), None, STEP_US * 1e-6)
+            estimate = self._estimator.step(t_us, self._body.truth(), STEP_US * 1e-6)
             is_new = False
             while pending and pending[0].t_s <= start_s + t_us * 1e-6 + 1e-4:
                 command, is_new = pending.pop(0), True

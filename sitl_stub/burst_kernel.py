@@ -185,6 +185,7 @@ def _fill(
     k: Any,
     s: Any,
     range_m: float,
+    bottom_m: float,
     tape: Any,
     tape_at: int,
     link: Any,
@@ -246,7 +247,7 @@ def _fill(
         v[4], v[5], v[6], v[7], v[8], v[9] = k[42], k[43], k[44], k[45], k[46], k[47]
         v[10], v[11] = values_of.zero_if_unset(k[51]), k[15]
     elif kind == _ALTITUDE:
-        v[0], v[1], v[2], v[3], v[4], v[5], v[6] = values_of.altitude(t_us, amsl, e[52], home, range_m)
+        v[0], v[1], v[2], v[3], v[4], v[5], v[6] = values_of.altitude(t_us, amsl, e[52], home, bottom_m)
     elif kind == _RANGE:
         if s[19] < 0.5:
             return False
@@ -379,6 +380,7 @@ def _send(
     rows: Any,
     s: Any,
     range_m: float,
+    bottom_m: float,
     tape: Any,
     tape_at: int,
     pings: int,
@@ -419,7 +421,7 @@ def _send(
                     tape_at += values_of.IMU_NUMBERS if s[13] > 0.0 else 0
                 pings += kind == _PING
                 if not _fill(
-                    kind, v, t_us, rows_b[i], rows_e[i], rows_k[i], s, range_m, tape, imu_at, links[link], pings
+                    kind, v, t_us, rows_b[i], rows_e[i], rows_k[i], s, range_m, bottom_m, tape, imu_at, links[link], pings
                 ):
                     continue
                 timetable[4, j] = t_us
@@ -462,6 +464,7 @@ def fly_and_send(
     templates: Any,
     slow: Any,
     range_m: float,
+    bottom_m: float,
     imu_tape: Any,
     imu_at: int,
     pings: int,
@@ -502,6 +505,7 @@ def fly_and_send(
         rows,
         slow,
         range_m,
+        bottom_m,
         imu_tape,
         imu_at,
         pings,

@@ -93,7 +93,7 @@ class MessageBurst:
         self._kinds, self._fields, self._templates = tables.kinds, tables.fields, tables.templates
         self._sizes = tables.kinds[:, _SIZE].copy()
         self._slow = np.zeros(SLOW_SIZE)
-        self._range_m = nan
+        self._range_m = self._bottom_m = nan
         self._links: list[Link] = []
         self._names: list[str] = []
         self._streams: list[Stream] = []
@@ -146,7 +146,8 @@ class MessageBurst:
         if self._next_fresh_us <= last_us:
             self._refresh()
         self._telemetry.imu_noise.reserve(IMU_NUMBERS * steps)
-        self._range_m = nan if range_m is None else range_m
+        bottom_m = self._telemetry.estimate.height_above_bottom_m
+        self._range_m, self._bottom_m = nan if range_m is None else range_m, nan if bottom_m is None else bottom_m
 
     def _call(
         self,
@@ -187,6 +188,7 @@ class MessageBurst:
             self._templates,
             self._slow,
             self._range_m,
+            self._bottom_m,
             imu.numbers,
             imu.at,
             self._endpoint.pings_sent,

@@ -170,7 +170,6 @@ class SteadyFlight:
         `sends`: messages may be made at once, for `send_many`.
         """
         autopilot = self._autopilot
-        autopilot.estimator.estimate.height_above_bottom_m = range_m
         tape = autopilot.estimator.tape
         steps = min(steps, MOST_STEPS)
         tape.reserve(steps * MOST_NUMBERS_A_STEP)
@@ -178,7 +177,8 @@ class SteadyFlight:
         self._from_us = t_us
         kept_from = max(0, -((t_us - autopilot.next_message_us()) // STEP_US))
         quiet_steps = max(0, -((t_us - self._calm_until_us) // STEP_US)) if self._task_waits else 0
-        near = range_m is None or range_m < CLOSE_TO_GROUND_M
+        bottom_m = autopilot.estimator.estimate.height_above_bottom_m
+        near = bottom_m is None or bottom_m < CLOSE_TO_GROUND_M
         if near != self._asked.is_near_ground:
             self._ask(self._asked._replace(is_near_ground=near))
             if self._asked_next is not None:
@@ -306,12 +306,11 @@ class SteadyFlight:
         truth = truth_of(tuple(b[:17]), (b[17], b[18], b[19]), False)
         autopilot.fill_telemetry(truth, range_m, (k[28], k[29], k[30], k[31]))
 
-    def decide(self, t_us: int, range_m: float | None) -> bool:
+    def decide(self, t_us: int) -> bool:
         """The decision that the flight waits for; False when it is no longer steady (and the state has been given back)."""
         autopilot = self._autopilot
         autopilot.show(t_us, autopilot.estimator.flat)
         self._is_shown = self._is_estimated = True
-        autopilot.estimator.estimate.height_above_bottom_m = range_m
         k = _plain(self._k)
         autopilot.cascade.thrust_setpoint = k[10]
         autopilot.cascade.hover_thrust_estimator.state = HoverState(*k[35:42])

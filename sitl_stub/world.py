@@ -243,7 +243,7 @@ class World:
         if done:
             self._wind_ahead = None
             self._end_steady_steps(t_us, done, range_m, output, together=sends)
-        if waits and not steady.decide(self.t_us, self._range.value_m):
+        if waits and not steady.decide(self.t_us):
             truth = self.vehicle.truth()
             self._move(self.autopilot.finish_step(self.t_us, truth, self._range.value_m, STEP_S))
             self._finish_step(output)
@@ -336,6 +336,7 @@ class World:
         vehicle = self.vehicle
         deck = self._deck.at(self.t_us * 1e-6)
         self._range.sample(distance_down(vehicle.position_ned_m, vehicle.q_ned_frd, deck, self._shape))
+        self.autopilot.see_range(self.t_us, self._range.value_m)
         self._due_us["range"] += self._range.period_us
 
     def _beacon_phase_us(self) -> int:

@@ -187,7 +187,7 @@ class Autopilot:
         """Start of a scenario in flight: armed, AUTO.LOITER, hovering where the vehicle is."""
         self._t_us = t_us
         self.estimator.settle(truth)
-        estimate = self.estimator.step(t_us, truth, None, 0.004)
+        estimate = self.estimator.step(t_us, truth, 0.004)
         x, y, _ = estimate.position_ned_m
         self.home.set_here((x, y, 0.0), estimate.yaw_rad, t_us)
         hover = self._hover_signal
@@ -197,6 +197,10 @@ class Autopilot:
         self._armings_seen = self.commander.armings
         self.land_detector.begin_in_air(t_us)
         self.takeoff.update(t_us, True, False, True, skip=True)
+
+    def see_range(self, t_us: int, range_m: float | None) -> None:
+        """A new reading of the range sensor; None where it measures nothing."""
+        self.estimator.see_range(t_us, range_m)
 
     def set_pilot(self, sticks: Sticks | None, *, mode: str | None = None, kill: bool = False) -> None:
         """A radio with a pilot: sticks from now on (None: radio off), mode switch if given, kill switch.
@@ -216,10 +220,10 @@ class Autopilot:
         self.commander.request_mode(_SWITCH_MODES[mode])
 
     def step(self, t_us: int, truth: VehicleTruth, range_m: float | None, dt_s: float) -> Motors:
-        """Advance to t_us and return the motor commands, 0 to 1."""
+        """Advance to t_us and return the motor commands, 0 to 1; `range_m` is what DISTANCE_SENSOR says."""
         self._t_us = self.telemetry.t_us = t_us
         self.estimator.motors_run = self.commander.armed
-        self.estimator.step(t_us, truth, range_m, dt_s)
+        self.estimator.step(t_us, truth, dt_s)
         self.since_decision_us += round(dt_s * 1e6)
         if self.since_decision_us >= DECISION_PERIOD_US:
             decided_dt_s = self.since_decision_us * 1e-6

@@ -17,6 +17,7 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 
+from sitl_stub.autopilot.bottom_distance import BottomDistance
 from sitl_stub.autopilot.low_pass import Butterworth, butterworth, settled
 from sitl_stub.autopilot.noise import NormalTape
 from sitl_stub.autopilot.vehicle_estimate import VehicleEstimate
@@ -302,6 +303,7 @@ class Estimator:
         self._errors = errors
         self._parameters = parameters
         self._without_gnss_us = 0
+        self._bottom = BottomDistance()
         self._start_errors(errors, self.tape)
         self.refresh()
 
@@ -357,7 +359,11 @@ class Estimator:
             self.flat[RATES_DOT + axis] = 0.0
         self.estimate.angular_acceleration_frd_rad_s2 = (0.0, 0.0, 0.0)
 
-    def step(self, t_us: int, truth: VehicleTruth, range_m: float | None, dt_s: float) -> VehicleEstimate:
+    def see_range(self, t_us: int, range_m: float | None) -> None:
+        """A new reading of the range sensor, None where it measures nothing."""
+        self.estimate.height_above_bottom_m = self._bottom.take(t_us, range_m)
+
+    def step(self, t_us: int, truth: VehicleTruth, dt_s: float) -> VehicleEstimate:
         """Advance the errors by dt_s and return the estimate (the same object each time)."""
         self._watch_gnss(dt_s)
         tape = self.tape
@@ -380,7 +386,6 @@ class Estimator:
             self.gnss_available,
             truth.on_surface and not self.motors_run,
         )
-        self.estimate.height_above_bottom_m = range_m
         return self.show(t_us, self.flat)
 
     def show(self, t_us: int, flat: Any) -> VehicleEstimate:

@@ -29,7 +29,7 @@ class VehicleEstimate:
     angular_acceleration_frd_rad_s2: Vec3 = _ZERO
     yaw_rad: float = 0.0
     height_above_bottom_m: float | None = None
-    """From the range sensor to what is below; None without a valid range."""
+    """From the range sensor to what was below at the filter's fusion horizon (bottom_distance.py); None without a valid range."""
     has_attitude: bool = True
     has_velocity: bool = True
     has_position: bool = True

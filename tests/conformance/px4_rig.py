@@ -1,12 +1,13 @@
 """A simulated PX4 on SIH's flat ground, flown in lockstep through MAVLink bytes: what the recordings of the real one are compared with.
 
-Ground as SIH's: it stops the vehicle at once, without bounce or sliding, and acts only while the net force points down. Messages go out
-through pymavlink (not through the simulator's own packer) and come back through the recorded rows' eyes: acknowledgements, modes, texts.
+The ground is SIH's (benchmarks/sih_ground.py). Messages go out through pymavlink (not through the simulator's own packer) and come back
+through the recorded rows' eyes: acknowledgements, modes, texts.
 """
 
 from __future__ import annotations
 
 import struct
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from math import nan
@@ -16,12 +17,17 @@ from typing import Any
 import numpy as np
 from pymavlink.dialects.v20 import development as mavlink
 
-from sitl_stub.airframe import read_airframe
-from sitl_stub.autopilot.autopilot import Autopilot, AutopilotOptions
-from sitl_stub.autopilot.estimate import NO_ERRORS
-from sitl_stub.multirotor import Multirotor
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "benchmarks"))
 
-DT_US = 4_000
+from sih_ground import SihGround  # noqa: E402
+
+from sitl_stub.airframe import read_airframe  # noqa: E402
+from sitl_stub.autopilot.autopilot import Autopilot, AutopilotOptions  # noqa: E402
+from sitl_stub.autopilot.estimate import NO_ERRORS  # noqa: E402
+from sitl_stub.multirotor import Multirotor  # noqa: E402
+
+DT_US, RANGE_US = 4_000, 20_000
 LOITER, OFFBOARD, LAND, RTL, TAKEOFF = 0x03040000, 0x00060000, 0x06040000, 0x05040000, 0x02040000
 VELOCITY_MASK = 0b0000_0101_1100_0111
 """Velocity and yaw rate only."""
@@ -47,12 +53,12 @@ class Rig:
     options: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        folder = Path(__file__).resolve().parents[2] / "configs" / "airframes"
-        airframe = read_airframe(folder / f"{self.airframe}.toml")
+        airframe = read_airframe(ROOT / "configs" / "airframes" / f"{self.airframe}.toml")
         base = {"errors": NO_ERRORS, "home_error_scale": 0.0, "imu_noise_scale": 0.0, **self.options}
         options = AutopilotOptions(cold_boot=self.cold_boot, has_range_sensor=self.has_range_sensor, **base)
         self.vehicle = Multirotor(airframe)
         self.vehicle.on_surface = True
+        self.ground = SihGround(self.vehicle)
         self.autopilot = Autopilot(airframe, self.parameters, np.random.default_rng(1), options)
         self.t_us = 0
         self.seen: list[Seen] = []
@@ -101,19 +107,13 @@ class Rig:
         range_m = None
         if self.has_range_sensor and 0.0 < self.height_m < 100.0:  # SIH's sensor sees nothing at or below the ground
             range_m = self.height_m
+        if self.t_us % RANGE_US == 0:
+            self.autopilot.see_range(self.t_us, range_m)
         motors = self.autopilot.step(self.t_us, truth, range_m, DT_US * 1e-6)
         self._collect()
         self.vehicle.step(DT_US * 1e-6, motors)
-        self._ground()
+        self.ground.stop(DT_US)
         self.t_us += DT_US
-
-    def _ground(self) -> None:
-        s = self.vehicle.state
-        az = self.vehicle.truth().acceleration_ned_m_s2[2]
-        self.vehicle.on_surface = s.z >= 0.0 and (s.vz >= 0.0 or az >= 0.0) and az >= -1e-9
-        if self.vehicle.on_surface:
-            self.vehicle.state = s._replace(vx=0.0, vy=0.0, vz=0.0, p=0.0, q=0.0, r=0.0, z=0.0)
-            self.vehicle._acceleration_ned_m_s2 = (0.0, 0.0, 0.0)
 
     # Talking ------------------------------------------------------------------------------------------------------
 

@@ -133,14 +133,14 @@ def test_the_climb_rate_that_an_automatic_take_off_allows_grows_as_logged() -> N
 
 @pytest.mark.parametrize("has_range_sensor", [True, False])
 def test_the_hover_thrust_is_estimated_from_a_metre_above_the_ground_on(has_range_sensor: bool) -> None:
-    """Logged: not before the distance to the bottom was 1 m; valid two seconds later."""
+    """Logged: not before the distance to the bottom was 1 m, which the range sensor's is told 0.15 s late (0.1 m); valid two seconds later."""
     rig = on_ground(has_range_sensor=has_range_sensor)
     rig.command(22, *[nan] * 7)
     rig.arm()
     first = rig.autopilot.cascade.hover_thrust_estimator.variance
     rig.run_until(lambda: rig.height_m > 0.9, 10.0)
     assert rig.autopilot.cascade.hover_thrust_estimator.variance == first
-    rig.run_until(lambda: rig.height_m > 1.1, 10.0)
+    rig.run_until(lambda: rig.height_m > 1.2, 10.0)
     assert rig.autopilot.cascade.hover_thrust_estimator.variance < first
 
 

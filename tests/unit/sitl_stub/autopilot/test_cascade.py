@@ -37,7 +37,7 @@ class Flight:
 
     def fly(self, setpoint: Setpoint, seconds: float, constraints: FlightConstraints = FLYING) -> Multirotor:
         for _ in range(round(seconds / STEP_S)):
-            estimate = self.estimator.step(self.t_us, self.vehicle.truth(), None, STEP_S)
+            estimate = self.estimator.step(self.t_us, self.vehicle.truth(), STEP_S)
             self.vehicle.step(STEP_S, self.cascade.step(STEP_S, estimate, setpoint, constraints))
             self.t_us += 4000
             roll, pitch, _ = roll_pitch_yaw(self.vehicle.q_ned_frd)
@@ -96,7 +96,7 @@ def test_a_parameter_changed_in_flight_acts_after_refresh() -> None:
     cascade = Cascade(parameters.as_mapping())
     cascade.start_in_flight(0.49, (1.0, 0.0, 0.0, 0.0), 0.49, (0.0, 0.0, 0.0))
     estimator = Estimator(parameters.as_mapping(), np.random.default_rng(0), NO_ERRORS)
-    estimate = estimator.step(0, Flight().vehicle.truth(), None, STEP_S)
+    estimate = estimator.step(0, Flight().vehicle.truth(), STEP_S)
     cascade.step(STEP_S, estimate, _velocity(1.0, 0.0, 0.0), FLYING)
     before = cascade.position_setpoint.acceleration_ned_m_s2[0]
     parameters.set("MPC_XY_VEL_P_ACC", 3.6)
@@ -176,7 +176,7 @@ def test_steering_by_height_rate_follows_the_less_biased_speed() -> None:
     """A velocity bias of the estimator does not change a commanded descent faster than MPC_LAND_SPEED."""
     flight = Flight()
     for _ in range(1500):
-        estimate = flight.estimator.step(flight.t_us, flight.vehicle.truth(), None, STEP_S)
+        estimate = flight.estimator.step(flight.t_us, flight.vehicle.truth(), STEP_S)
         vx, vy, vz = estimate.velocity_ned_m_s
         estimate.velocity_ned_m_s = (vx, vy, vz + 0.3)
         flight.vehicle.step(STEP_S, flight.cascade.step(STEP_S, estimate, _velocity(0.0, 0.0, 1.0), FLYING))

@@ -32,7 +32,7 @@ def _errors(seconds: float, seed: int = 0, errors: EstimateErrors = RECORDED, **
     estimator, t = Estimator(PX4, np.random.default_rng(seed), errors), _truth(**truth)
     position, velocity, attitude, rates = [], [], [], []
     for i in range(round(seconds / STEP_S)):
-        e = estimator.step(i * 4000, t, None, STEP_S)
+        e = estimator.step(i * 4000, t, STEP_S)
         if i % 10:
             continue
         position.append(np.subtract(e.position_ned_m, t.position_ned_m))
@@ -55,12 +55,11 @@ def long() -> dict[str, np.ndarray]:
 def test_switched_off_the_estimate_is_the_truth() -> None:
     estimator, truth = Estimator(PX4, np.random.default_rng(0), NO_ERRORS), _truth()
     for i in range(100):
-        e = estimator.step(i * 4000, truth, 3.0, STEP_S)
+        e = estimator.step(i * 4000, truth, STEP_S)
     assert e.position_ned_m == truth.position_ned_m
     assert e.velocity_ned_m_s == truth.velocity_ned_m_s
     assert e.q_ned_frd == pytest.approx(truth.q_ned_frd)
     assert e.height_rate_ned_m_s == truth.velocity_ned_m_s[2]
-    assert e.height_above_bottom_m == 3.0
 
 
 def test_errors_are_as_large_as_the_recorded_ones(long: dict[str, np.ndarray]) -> None:
@@ -117,7 +116,7 @@ def _velocity_errors(estimator: Estimator, seconds: float, *, on_surface: bool =
     """Every 4 ms, shape (n, 3)."""
     truth = _truth(on_surface)
     steps = range(round(seconds / STEP_S))
-    estimates = (estimator.step(i * 4000, truth, None, STEP_S).velocity_ned_m_s for i in steps)
+    estimates = (estimator.step(i * 4000, truth, STEP_S).velocity_ned_m_s for i in steps)
     return np.array([np.subtract(velocity, truth.velocity_ned_m_s) for velocity in estimates])
 
 
@@ -166,7 +165,7 @@ def test_without_gnss_the_position_error_grows_and_dead_reckoning_is_told() -> N
         estimator, truth = Estimator(PX4, np.random.default_rng(seed)), _truth()
         estimator.gnss_available = False
         for i in range(round(60.0 / STEP_S)):
-            e = estimator.step(i * 4000, truth, None, STEP_S)
+            e = estimator.step(i * 4000, truth, STEP_S)
             if i == 100:
                 assert not e.is_dead_reckoning
         assert e.is_dead_reckoning
@@ -177,7 +176,7 @@ def test_without_gnss_the_position_error_grows_and_dead_reckoning_is_told() -> N
 @pytest.mark.parametrize("kind", ["position", "height", "velocity", "yaw"])
 def test_a_jump_moves_the_estimate_and_counts(kind: str) -> None:
     estimator, truth = Estimator(PX4, np.random.default_rng(0), NO_ERRORS), _truth()
-    estimator.step(0, truth, None, STEP_S)
+    estimator.step(0, truth, STEP_S)
     if kind == "position":
         estimator.jump_position(3.0, -1.0)
     elif kind == "height":
@@ -187,7 +186,7 @@ def test_a_jump_moves_the_estimate_and_counts(kind: str) -> None:
     else:
         estimator.jump_yaw(radians(20.0))
     for i in range(1, 4):
-        e = estimator.step(i * 4000, truth, None, STEP_S)
+        e = estimator.step(i * 4000, truth, STEP_S)
     moved = {
         "position": (e.position_ned_m[0] - 1.0, e.position_xy_resets, e.position_xy_jump_m[0]),
         "height": (e.position_ned_m[2] + 30.0, e.position_z_resets, e.position_z_jump_m),
@@ -201,7 +200,7 @@ def test_a_jump_moves_the_estimate_and_counts(kind: str) -> None:
 def test_settling_starts_the_gyro_filter_without_a_jump() -> None:
     estimator, truth = Estimator(PX4, np.random.default_rng(0), NO_ERRORS), _truth(rate=1.0)
     estimator.settle(truth)
-    e = estimator.step(0, truth, None, STEP_S)
+    e = estimator.step(0, truth, STEP_S)
     assert e.angular_velocity_frd_rad_s[0] == pytest.approx(1.0)
     assert e.angular_acceleration_frd_rad_s2[0] == pytest.approx(0.0, abs=1e-6)
 
