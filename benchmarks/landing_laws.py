@@ -28,6 +28,7 @@ from sitl_stub.autopilot.autopilot import Autopilot, AutopilotOptions
 from sitl_stub.autopilot.modes import NavState
 from sitl_stub.autopilot.navigation import TargetKind
 from sitl_stub.autopilot.offboard import LocalTarget
+from sitl_stub.autopilot.precland import Precland, PreclandState
 from sitl_stub.multirotor import Multirotor
 
 ROOT = Path(__file__).parent.parent
@@ -41,6 +42,7 @@ _DRAG_PER_S = 1.0
 _LOCAL_NED = 1
 _VELOCITY, _VELOCITY_AND_ACCELERATION = 0b0101_1100_0111, 0b0100_0000_0111
 _LAG_FROM_S, _LAG_TO_S = 10.0, 40.0
+_OVER_THE_PAD = (PreclandState.DESCEND_ABOVE_TARGET, PreclandState.FINAL_APPROACH)
 
 
 class Pad:
@@ -123,7 +125,7 @@ class Flight:
 
     def __init__(self, law: str, pad_name: str, seed: int) -> None:
         airframe = read_airframe(ROOT / "configs" / "airframes" / "sih_quadx.toml")
-        self._rng = np.random.default_rng([seed, 77])
+        self._rng, self._z_rng = np.random.default_rng([seed, 77]), np.random.default_rng([seed, 78])
         options = AutopilotOptions(cold_boot=False, ground_link=False, imu_noise_scale=0.0)
         radius = float(law.split()[-1]) if law.startswith("precland") else 0.2
         parameters = {"PLD_HACC_RAD": radius}
@@ -134,7 +136,7 @@ class Flight:
         self._pad = Pad(pad_name, np.random.default_rng([seed, 3]))
         self._law = law
         self._trackers = [Tracker(law == "good with acceleration") for _ in range(2)]
-        self._waiting: deque[tuple[int, float, tuple[float, float], float]] = deque()
+        self._waiting: deque[tuple[int, float, tuple[float, float, float], float]] = deque()
         self._error: tuple[float, float] | None = None
         self._seen_us = -10_000_000
         self._start_us = SETTLE_US
@@ -165,7 +167,7 @@ class Flight:
     @property
     def _descends(self) -> bool:
         route = self._autopilot._route
-        return getattr(getattr(route, "_state", None), "name", "") in ("DESCEND", "FINAL")
+        return isinstance(route, Precland) and route.state in _OVER_THE_PAD
 
     def _t_s(self, t_us: int) -> float:
         return (t_us - SETTLE_US) * 1e-6
@@ -185,17 +187,17 @@ class Flight:
         if height < LEAST_HEIGHT_M or hypot(dx, dy) > height:
             return
         sigma = 0.02 + 0.01 * sqrt(dx * dx + dy * dy + height * height)
-        noise = self._rng.normal(0.0, sigma, 2)
-        x, y, _ = self._autopilot.estimator.estimate.position_ned_m
-        seen = (x + dx + float(noise[0]), y + dy + float(noise[1]))
+        noise, z_noise = self._rng.normal(0.0, sigma, 2), float(self._z_rng.normal(0.0, sigma))
+        x, y, z = self._autopilot.estimator.estimate.position_ned_m
+        seen = (x + dx + float(noise[0]), y + dy + float(noise[1]), z + height + z_noise)
         self._waiting.append((t_us + DELAY_US, t_us * 1e-6, seen, sigma))
 
     def _receive(self, t_us: int) -> bool:
         fresh = False
         while self._waiting and self._waiting[0][0] <= t_us:
-            _, captured_s, (x, y), sigma = self._waiting.popleft()
+            _, captured_s, (x, y, z), sigma = self._waiting.popleft()
             if self._law.startswith("precland"):
-                self._autopilot.receive_landing_target(x, y, 0.0)
+                self._autopilot.receive_landing_target(x, y, z)
             else:
                 for tracker, value in zip(self._trackers, (x, y), strict=True):
                     tracker.update(value, captured_s, sigma)

@@ -94,6 +94,6 @@ def test_without_a_target_it_climbs_to_search_and_then_lands_where_it_is() -> No
     rig.run(9.0)
     assert rig.height_m > 9.3
     assert rig.autopilot.telemetry.landed_state == 2
-    rig.run(3.0)
+    rig.run(3.5)
     assert rig.autopilot.telemetry.landed_state == 4
     rig.run_until(lambda: not rig.is_armed, 60.0)
