@@ -421,7 +421,19 @@ def _send(
                     tape_at += values_of.IMU_NUMBERS if s[13] > 0.0 else 0
                 pings += kind == _PING
                 if not _fill(
-                    kind, v, t_us, rows_b[i], rows_e[i], rows_k[i], s, range_m, bottom_m, tape, imu_at, links[link], pings
+                    kind,
+                    v,
+                    t_us,
+                    rows_b[i],
+                    rows_e[i],
+                    rows_k[i],
+                    s,
+                    range_m,
+                    bottom_m,
+                    tape,
+                    imu_at,
+                    links[link],
+                    pings,
                 ):
                     continue
                 timetable[4, j] = t_us
