@@ -215,8 +215,9 @@ class Mission(_Section, frozen=True):
     """When to do what. Heights are above the pad unless a key says otherwise. `search_cone_s` is how long the search goes on
     drifting with the pad's last known velocity, `lost_action` what follows a search that found nothing; `commit_heave_m_s`
     and `commit_deck_tilt_deg` say which motion of the deck may be touched; for the first `quiet_wait_s` of a descent a deck that
-    swings is waited for until it will lean less than `quiet_lean_deg` against the vehicle. `sight = "beacon"` lets the pad's own
-    report stand in for the camera: only where both positions are good to decimetres (RTK, a hall with localisation).
+    swings is waited for until it will lean less than `quiet_lean_deg` against the vehicle. From `bent_acceleration_m_s2` of the
+    pad on, the descent waits at `straight_height_m` until it is below `straight_acceleration_m_s2`, at most for the first
+    `straight_wait_s`. `sight = "beacon"` lets the pad's own report stand in for the camera: only where both positions are good to decimetres (RTK, a hall with localisation).
     `follow_to_the_end` lets the descent begin only when the plan to above the pad has been flown to its end. `follow_behind_m` puts
     the place to wait for the descent behind the pad instead of above it, for a camera that looks forward at an upright marker.
     `sight_lost_action` is what follows a descent without sight: climb and try again, or the autopilot's Hold until the pad is
@@ -257,6 +258,10 @@ class Mission(_Section, frozen=True):
     commit_deck_tilt_deg: Positive = 8.0
     quiet_lean_deg: Positive = 4.0
     quiet_wait_s: NonNegative = 15.0
+    bent_acceleration_m_s2: Positive = 1.7
+    straight_acceleration_m_s2: Positive = 1.1
+    straight_height_m: Positive = 2.0
+    straight_wait_s: NonNegative = 12.0
     max_go_arounds: Annotated[int, Meta(ge=0)] = 4
     max_commit_s: Positive = 6.0
     blind_height_m: Positive = 0.5

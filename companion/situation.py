@@ -11,7 +11,7 @@ from typing import Protocol
 
 from companion.config import Config
 from companion.estimation import DeckMotion, PadMotion, VehiclePose
-from companion.geometry import add, dot, horizontal_norm, quaternion_from_euler, rotate, scale, subtract
+from companion.geometry import ZERO, add, dot, horizontal_norm, quaternion_from_euler, rotate, scale, subtract
 from companion.messages import (
     CommandKind,
     CommandResult,
@@ -23,7 +23,7 @@ from companion.messages import (
     Vec3,
     VehicleStatus,
 )
-from companion.mission.contact import Contact, contact, time_to_contact_s
+from companion.mission.contact import FORESEEN_S, Contact, contact, is_bent, time_to_contact_s
 from companion.mission.facts import Facts
 from companion.mission.preflight import MAX_STATE_AGE_S
 from companion.mission.touchdown import NO_EVIDENCE, TouchdownDetector, TouchdownEvidence, TouchdownSigns
@@ -78,6 +78,7 @@ class Situation:
         self._frame_ns: int | None = None
         self._sight: tuple[int, int] | None = None
         self._last_tick_ns: int | None = None
+        self._is_bent = False
         self._placed: tuple[tuple[Vec2 | None, Vec3 | None], Zones] | None = None
         self.status: VehicleStatus | None = None
         self.operator: OperatorAction | None = None
@@ -119,6 +120,7 @@ class Situation:
         in_s = None if position is None or velocity is None else self._foreseen_contact_s(position, velocity)
         if pose is not None:
             self._hang(pose, dt_s)
+        self._foresee_bend(t_ns, position, velocity)
         return Facts(
             t_ns=t_ns,
             status=status,
@@ -143,6 +145,7 @@ class Situation:
             unplaced_zones=zones.unplaced,
             half_deck_m=0.5 * min(self._config.pad.length_m, self._config.pad.width_m),
             contact=self._contact(t_ns, position, velocity, pad, in_s),
+            pad_is_bent=self._is_bent,
             sight_age_s=self._sight_age_s(t_ns, pad),
         )
 
@@ -201,6 +204,15 @@ class Situation:
         after_s = self._contact_s(position, velocity)
         hanging = self._hanging_down
         return contact(after_s, position, velocity, deck, deck_yaw_rad=pad.yaw_rad, hanging_down=hanging)
+
+    def _foresee_bend(self, t_ns: int, position: Vec3 | None, velocity: Vec3 | None) -> None:
+        if position is None or velocity is None:
+            self._is_bent = False
+            return
+        ahead_s = min(self._contact_s(position, velocity), FORESEEN_S)
+        motion = self._prediction.motion(t_ns + round(ahead_s * 1e9))
+        acceleration = ZERO if motion is None else motion.acceleration_ned_m_s2
+        self._is_bent = is_bent(acceleration, self._config.mission, before=self._is_bent)
 
     def _weigh_touchdown(
         self,

@@ -21,6 +21,10 @@ CLOSING_S = 0.3
 DOWN: Vec3 = (0.0, 0.0, 1.0)
 
 
+FORESEEN_S = 1.0
+"""How hard the pad will turn or brake is foreseen so far ahead at most."""
+
+
 class Deck(Protocol):
     """What the deck does at an instant, W; `mean_tilt_rad` is the roll and pitch that it swings about."""
 
@@ -96,3 +100,10 @@ def window_is_closed(then: Contact | None, mission: Mission, *, waited_s: float)
             f"the deck will lean {lean_deg:.0f} deg against the vehicle, waiting for {mission.quiet_lean_deg:.0f} deg"
         )
     return None
+
+
+def is_bent(acceleration_m_s2: Vec3, mission: Mission, *, before: bool) -> bool:
+    """Does the pad turn (or brake) harder than it is to be touched? Once it does, until it does so clearly less. The
+    acceleration is the pad's at contact, or FORESEEN_S ahead where that is sooner."""
+    limit = mission.straight_acceleration_m_s2 if before else mission.bent_acceleration_m_s2
+    return horizontal_norm(acceleration_m_s2) > limit

@@ -17,7 +17,7 @@ class Facts:
     `no_fly_zone` holds the vehicle (or the place where it could stop), `no_land_zone` the pad where it will be at contact;
     `tick_gap_s` is the time since the tick before this one, `plan_to_go_s` until the running plan ends (0: flown);
     `sight_age_s` the time since the newest sight of the pad came in (a camera that is always half a second late still sees the
-    pad; `pad.vision_age_s` counts from the capture).
+    pad; `pad.vision_age_s` counts from the capture). `pad_is_bent`: it turns or brakes harder than it is to be touched.
     """
 
     t_ns: int
@@ -43,6 +43,7 @@ class Facts:
     half_deck_m: float = 0.75
     plan_to_go_s: float | None = None
     contact: Contact | None = None
+    pad_is_bent: bool = False
     sight_age_s: float | None = None
 
     @property

@@ -10,7 +10,7 @@ from companion.geometry import ZERO
 from companion.messages import Phase, Vec3
 from companion.mission.contact import window_is_closed
 from companion.mission.facts import Facts
-from companion.mission.guards import off_the_deck_unseen
+from companion.mission.guards import off_the_deck_unseen, waits_for_straight
 from companion.mission.press import press
 from companion.mission.waiting_place import waiting_place_m
 
@@ -68,6 +68,8 @@ def _descent(facts: Facts, mission: Mission, *, waited_s: float) -> Goal:
     """Down to where the last metre begins; level while the pad is out of sight or the vehicle outside the cone."""
     if not may_descend(facts, mission):
         return Goal("pad", "level")
+    if waits_for_straight(facts, mission, waited_s=waited_s):
+        return _above(min(mission.straight_height_m, mission.follow_height_m))
     if _waits_for_the_deck(facts, mission, waited_s):
         return _above(mission.commit_height_m)
     end = (0.0, 0.0, -0.9 * mission.commit_height_m)

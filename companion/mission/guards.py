@@ -229,6 +229,11 @@ def no_plan(facts: Facts, context: Context) -> str | None:
     return facts.no_plan_reason
 
 
+def waits_for_straight(facts: Facts, mission: Mission, *, waited_s: float) -> bool:
+    """Touched in a hard turn the vehicle leans, slides and may tip: it waits for a straighter part, but not for ever."""
+    return facts.pad_is_bent and waited_s < mission.straight_wait_s
+
+
 def ready_to_commit(facts: Facts, context: Context) -> str | None:
     height, miss, speed = facts.height_above_pad_m, facts.miss_m, facts.relative_speed_m_s
     mission = context.mission
@@ -242,6 +247,7 @@ def ready_to_commit(facts: Facts, context: Context) -> str | None:
         and tilt_deg <= mission.commit_tilt_deg
         and window_is_closed(then, mission, waited_s=context.phase_age_s) is None
         and off_the_deck_unseen(facts, mission) is None
+        and not waits_for_straight(facts, mission, waited_s=context.phase_age_s)
     )
     return f"{miss:.2f} m off, {speed:.2f} m/s against the pad, tilt {tilt_deg:.0f} deg" if fits else None
 

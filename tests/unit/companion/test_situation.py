@@ -29,14 +29,17 @@ PAD = PadEstimate(
 
 
 class Moving:
-    """A pad that goes straight on."""
+    """A pad that goes straight on, or is said to turn with an acceleration to the side."""
+
+    def __init__(self, turn_m_s2: float = 0.0) -> None:
+        self.turn_m_s2 = turn_m_s2
 
     def estimate(self, t_ns: int) -> PadEstimate | None:
         north = 4.0 * t_ns / 1e9
         return replace(PAD, t_ns=t_ns, position_ned_m=(north, 0.0, -0.5))
 
     def motion(self, t_ns: int) -> PadMotion:
-        return PadMotion((4.0 * t_ns / 1e9, 0.0, -0.5), PAD.velocity_ned_m_s, PAD.acceleration_ned_m_s2, 0.0, 0.0)
+        return PadMotion((4.0 * t_ns / 1e9, 0.0, -0.5), PAD.velocity_ned_m_s, (0.0, self.turn_m_s2, 0.0), 0.0, 0.0)
 
     def deck(self, t_ns: int) -> DeckMotion:
         return DeckMotion(0.1 * t_ns / 1e9, 0.0, 0.05, (0.0, 0.0))
@@ -46,7 +49,8 @@ class Scene:
     """A situation fed 20 ms at a time with a vehicle over the pad."""
 
     def __init__(self, config: Config | None = None) -> None:
-        self.situation = Situation(config or Config(), Moving())
+        self.pad = Moving()
+        self.situation = Situation(config or Config(), self.pad)
         self.t_ns = 0
         self.state_ns = 0
         self.frozen: set[str] = set()
@@ -148,6 +152,14 @@ def test_a_no_fly_zone_counts_from_where_the_vehicle_could_stop() -> None:
     assert facts.no_fly_zone is None
     facts = scene.run(0.4, height_m=5.0, sink_m_s=0.0, thrust=0.5, speed_m_s=4.0)
     assert facts.no_fly_zone == "mast"
+
+
+def test_a_pad_that_turns_hard_is_bent_until_it_turns_clearly_less() -> None:
+    scene, bent = Scene(), []
+    for turn_m_s2 in (1.0, 1.6, -1.8, -1.2, 1.0, 1.6):
+        scene.pad.turn_m_s2 = turn_m_s2
+        bent.append(scene.run(DT_S, height_m=3.0, sink_m_s=0.5, thrust=0.5).pad_is_bent)
+    assert bent == [False, False, True, True, False, False]
 
 
 def test_a_camera_that_is_always_late_still_sees_the_pad_until_no_new_sight_comes_in() -> None:

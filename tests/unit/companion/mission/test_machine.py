@@ -308,6 +308,13 @@ def test_the_commit_waits_for_the_deck() -> None:
     assert flight.tick(contact=replace(steady, deck_tilt_rad=0.3)) is Phase.GO_AROUND
 
 
+def test_the_commit_waits_for_a_straighter_part_but_not_for_ever() -> None:
+    flight = Flight(mission=Mission(straight_wait_s=4.0)).to(Phase.DESCEND)
+    low: dict[str, object] = {"relative_position_m": (0.1, 0.0, -0.5)}
+    assert flight.tick(pad_is_bent=True, **low) is Phase.DESCEND
+    assert flight.tick(4.5, pad_is_bent=True, **low) is Phase.COMMIT
+
+
 def test_go_arounds_are_counted_anew_only_at_a_new_start() -> None:
     flight = Flight().to(Phase.DESCEND)
     flight.tick(operator=OperatorAction.GO_AROUND)
