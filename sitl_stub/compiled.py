@@ -43,7 +43,7 @@ def used_by_kernels(function: Function) -> Function:
     return cast(Function, numba.extending.register_jitable(function)) if COMPILED else function
 
 
-def room(values: list[Any]) -> Any:
+def room(values: list[Any] | tuple[Any, ...]) -> Any:
     """Floats for a kernel to work on: an array for a compiled one, a list (faster by element) for a plain one."""
     return np.array(values) if COMPILED else values
 

@@ -65,22 +65,8 @@ class FlightArrays(NamedTuple):
     tape: NormalTape
 
 
-class Asking(NamedTuple):
-    """What is flown: constants, setpoint now and after the next decision, and the air."""
-
-    constants: Any
-    wanted: Any
-    wanted_next: Any
-    wind: Wind
-
-
-class Sent(NamedTuple):
-    """Messages made: the first step not looked at, the last one with a message (-1: none), datagrams before the last step, and of it."""
-
-    stopped_at: int
-    last_step: int
-    before: list[Datagram]
-    held: list[Datagram]
+Sent = tuple[int, int, list[Datagram], list[Datagram]]
+"""Messages made: the first step not looked at, the last one with a message (-1: none), datagrams before the last step, and of it."""
 
 
 class MessageBurst:
@@ -93,7 +79,6 @@ class MessageBurst:
         self._kinds, self._fields, self._templates = tables.kinds, tables.fields, tables.templates
         self._sizes = tables.kinds[:, _SIZE].copy()
         self._slow = np.zeros(SLOW_SIZE)
-        self._range_m = self._bottom_m = nan
         self._links: list[Link] = []
         self._names: list[str] = []
         self._streams: list[Stream] = []
@@ -102,66 +87,42 @@ class MessageBurst:
         self._state = np.zeros((0, LINK_SIZE), np.int64)
         self._next_fresh_us = 0
 
-    def warm_up(self, asking: Asking) -> None:
+    def warm_up(self, constants: Any, wanted: Any, wind: Wind) -> None:
         """Have the kernel loaded or compiled before the first flight, not in it."""
         if not fly_and_send.signatures:  # type: ignore[attr-defined]
             self._arrays.tape.reserve(1)
             self._telemetry.imu_noise.reserve(1)
-            self._call(asking, 0, 0, False, 0, 0, NO_STEP, 0)
+            self.run(constants, wanted, wanted, wind)
 
     def set_slow(self, values: list[float]) -> None:
         """Everything that changes with a decision at most; see burst_kernel.py for the places."""
         self._slow[:] = values
 
-    def fly(
+    def run(
         self,
-        asking: Asking,
-        steps: int,
-        quiet_steps: int,
-        is_estimated: bool,
-        kept_from: int,
-        from_us: int,
-        range_m: float | None,
-    ) -> tuple[int, bool, Sent]:
-        """Fly up to so many steps from from_us and send their messages; `range_m` None is no valid range."""
-        self._get_ready(steps, from_us + (steps - 1) * STEP_US, range_m)
-        result = self._call(asking, steps, quiet_steps, is_estimated, kept_from, from_us, 0, 0)
-        return result[0], result[1], self._sent(result)
+        constants: Any,
+        wanted: Any,
+        wanted_next: Any,
+        wind: Wind,
+        steps: int = 0,
+        quiet_steps: int = 0,
+        is_estimated: bool = False,
+        kept_from: int = 0,
+        from_us: int = 0,
+        range_m: float | None = None,
+        first: int = NO_STEP,
+        last: int = 0,
+    ) -> tuple[int, bool, Sent | None]:
+        """Fly up to so many steps from from_us and send what is due in them from step `first` on, as far as it can be made here.
 
-    def fly_only(
-        self, asking: Asking, steps: int, quiet_steps: int, is_estimated: bool, kept_from: int
-    ) -> tuple[int, bool]:
-        """Fly without sending."""
-        result = self._call(asking, steps, quiet_steps, is_estimated, kept_from, 0, NO_STEP, 0)
-        return result[0], result[1]
-
-    def send(self, asking: Asking, from_us: int, first: int, last: int, range_m: float | None) -> Sent:
-        """Send what is due in the steps `first` to `last` of those flown, whose step 0 was at from_us, as far as it can be made here."""
-        self._get_ready(last + 1, from_us + last * STEP_US, range_m)
-        return self._sent(self._call(asking, 0, 0, False, 0, from_us, first, last))
-
-    def _get_ready(self, steps: int, last_us: int, range_m: float | None) -> None:
-        if not self._links or self._links[0].keeper is None:
-            self._borrow()
-        if self._next_fresh_us <= last_us:
-            self._refresh()
-        self._telemetry.imu_noise.reserve(IMU_NUMBERS * steps)
-        bottom_m = self._telemetry.estimate.height_above_bottom_m
-        self._range_m, self._bottom_m = nan if range_m is None else range_m, nan if bottom_m is None else bottom_m
-
-    def _call(
-        self,
-        asking: Asking,
-        steps: int,
-        quiet_steps: int,
-        is_estimated: bool,
-        kept_from: int,
-        from_us: int,
-        first: int,
-        last: int,
-    ) -> Result:
+        With no steps to fly: send what is due in the steps `first` to `last` of those flown before from from_us. `range_m` None is
+        no valid range.
+        """
+        sends = first != NO_STEP
+        if sends:
+            self._get_ready(max(steps, last + 1), from_us)
         body, estimate, control, (rows_b, rows_e, rows_k), tape = self._arrays
-        imu, (constants, wanted, wanted_next, wind) = self._telemetry.imu_noise, asking
+        imu, bottom_m = self._telemetry.imu_noise, self._telemetry.estimate.height_above_bottom_m
         result = fly_and_send(
             body,
             estimate,
@@ -187,8 +148,8 @@ class MessageBurst:
             self._fields,
             self._templates,
             self._slow,
-            self._range_m,
-            self._bottom_m,
+            nan if range_m is None else range_m,
+            nan if bottom_m is None else bottom_m,
             imu.numbers,
             imu.at,
             self._endpoint.pings_sent,
@@ -199,7 +160,14 @@ class MessageBurst:
             last,
         )
         tape.at, wind.tape.at = result[2], result[3]
-        return result
+        return result[0], result[1], self._sent(result) if sends else None
+
+    def _get_ready(self, steps: int, from_us: int) -> None:
+        if not self._links or self._links[0].keeper is None:
+            self._borrow()
+        if self._next_fresh_us < from_us + steps * STEP_US:
+            self._refresh()
+        self._telemetry.imu_noise.reserve(IMU_NUMBERS * steps)
 
     def _sent(self, result: Result) -> Sent:
         """Note what the kernel has sent, and name the datagrams: in the order in which they are drained, by step, then by link."""
@@ -210,11 +178,11 @@ class MessageBurst:
         for link in self._links:
             link.kept_due_us = next_us
         if not count:
-            return Sent(stopped_at, last_step, [], [])
+            return stopped_at, last_step, [], []
         frames, names = self._frames[:count].tolist(), self._names
         data = self._out[: frames[-1][1]].tobytes()
         sent = [_named(Datagram, (names[link], data[begin:end])) for begin, end, link in frames]
-        return Sent(stopped_at, last_step, sent[:before], sent[before:])
+        return stopped_at, last_step, sent[:before], sent[before:]
 
     def _refresh(self) -> None:
         """Make the templates anew that say much of the autopilot, and note what was received: one of them is due."""

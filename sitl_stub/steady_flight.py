@@ -18,9 +18,10 @@ from sitl_stub.autopilot.land_detector import CLOSE_TO_GROUND_M
 from sitl_stub.autopilot.position_control import UNSET_MOTION
 from sitl_stub.autopilot.steady_control import SIZE as CONTROL_SIZE
 from sitl_stub.autopilot.steady_control import Asked
+from sitl_stub.burst_kernel import NO_STEP
 from sitl_stub.compiled import COMPILED, room
 from sitl_stub.datagram_faults import Datagram
-from sitl_stub.message_burst import Asking, FlightArrays, MessageBurst, Sent
+from sitl_stub.message_burst import FlightArrays, MessageBurst, Sent
 from sitl_stub.multirotor import BodyState, Multirotor, truth_of
 from sitl_stub.steady_kernel import (
     BODY_SIZE,
@@ -78,7 +79,7 @@ class SteadyFlight:
             arrays = FlightArrays(self._b, estimator.flat, self._k, self._rows, estimator.tape)
             self._burst = MessageBurst(autopilot.telemetry, autopilot.endpoint, arrays, MOST_STEPS)
             constants = for_kernel(self._constants(estimator.model))
-            self._burst.warm_up(Asking(constants, self._wanted, self._wanted, self._still_air))
+            self._burst.warm_up(constants, self._wanted, self._still_air)
 
     def _constants(self, model: ErrorModel) -> FlightConstants:
         autopilot, vehicle = self._autopilot, self._vehicle
@@ -151,16 +152,14 @@ class SteadyFlight:
         if autopilot.disturbances() != self._seen:
             self.leave(t_us)
         elif waited and t_us < self._calm_until_us:
-            self._look_ahead(autopilot.asked_next())
+            self._look_ahead(autopilot.asked_next(is_near_ground=self._asked.is_near_ground))
 
     def _look_ahead(self, asked: Asked | None) -> None:
         """Have the next decision made in the kernel, where it can only be to fly this."""
         now = self._asked
         # A position is in the messages of the steps before, too, and a descent that begins is the land detector's.
         if asked is not None and asked.descends == now.descends and asked.motion[:3] == now.motion[:3]:
-            self._asked_next = asked._replace(is_near_ground=now.is_near_ground)
-            self._wanted_next = flown_by_kernel(self._asked_next)
-            self._task_waits = True
+            self._asked_next, self._wanted_next, self._task_waits = asked, flown_by_kernel(asked), True
 
     # Flying ---------------------------------------------------------------------------------------------------------
 
@@ -184,10 +183,9 @@ class SteadyFlight:
             if self._asked_next is not None:
                 self._asked_next = self._asked_next._replace(is_near_ground=near)
                 self._wanted_next = flown_by_kernel(self._asked_next)
-        since_decision_us = float(self._k[52])
-        estimates_left_out = int(self._is_estimated)
-        asking = Asking(self._c, self._wanted, self._wanted if self._asked_next is None else self._wanted_next, wind)
-        burst, is_estimated, self._sent = self._burst, self._is_estimated, None
+        since_decision_us, left_out = float(self._k[52]), int(self._is_estimated)
+        wanted_next = self._wanted if self._asked_next is None else self._wanted_next
+        burst, is_estimated = self._burst, self._is_estimated
         if burst is None:
             done, waits, tape.at, wind.tape.at = fly_steadily(
                 self._b,
@@ -196,7 +194,9 @@ class SteadyFlight:
                 self._rows,
                 tape.numbers,
                 tape.at,
-                *asking[:3],
+                self._c,
+                self._wanted,
+                wanted_next,
                 wind.flat,
                 wind.tape.numbers,
                 wind.tape.at,
@@ -205,25 +205,35 @@ class SteadyFlight:
                 is_estimated,
                 kept_from,
             )
-        elif sends and autopilot.endpoint.sends_streams_only:
-            self._know_slow(burst)
-            done, waits, self._sent = burst.fly(asking, steps, quiet_steps, is_estimated, kept_from, t_us, range_m)
         else:
-            done, waits = burst.fly_only(asking, steps, quiet_steps, is_estimated, kept_from)
+            sends = sends and autopilot.endpoint.sends_streams_only
+            if sends and not self._slow_is_known:
+                self._know_slow(burst)
+            done, waits, self._sent = burst.run(
+                self._c,
+                self._wanted,
+                wanted_next,
+                wind,
+                steps,
+                quiet_steps,
+                is_estimated,
+                kept_from,
+                t_us,
+                range_m,
+                0 if sends else NO_STEP,
+            )
         self._is_estimated, self._is_shown = False, False
-        if since_decision_us + (done - estimates_left_out) * STEP_US >= DECISION_PERIOD_US:
-            self._take_next()
+        if self._asked_next is not None and since_decision_us + (done - left_out) * STEP_US >= DECISION_PERIOD_US:
+            self._take_next(self._asked_next)
         b = _plain(self._b)
         self._vehicle.state = BodyState._make(b[:17])
         self._vehicle.acceleration_ned_m_s2 = (b[17], b[18], b[19])
         return done, waits
 
-    def _take_next(self) -> None:
+    def _take_next(self, asked: Asked) -> None:
         """The kernel has made the next decision."""
-        if self._asked_next is not None:
-            self._autopilot.take_next()
-            self._ask(self._asked_next)
-            self._asked_next = None
+        self._autopilot.take_next()
+        self._asked, self._wanted, self._asked_next = asked, self._wanted_next, None
 
     def next_message_step_us(self, t_us: int) -> int:
         """The first step from t_us on in which a message is due."""
@@ -243,10 +253,7 @@ class SteadyFlight:
                 return min(self.next_message_step_us(t_us), last_us), [], []
             if autopilot.next_message_us() > last_us:
                 return last_us + STEP_US, [], []
-            self._know_slow(burst)
-            first, last = (t_us - self._from_us) // STEP_US, (last_us - self._from_us) // STEP_US
-            asking = Asking(self._c, self._wanted, self._wanted, self._still_air)
-            sent = burst.send(asking, self._from_us, first, last, range_m)
+            sent = self._send_flown(burst, t_us, last_us, range_m)
         stopped_at, at, before, held = sent
         if at >= 0:
             row_b, row_k = self._rows[0][at].copy(), self._rows[2][at].copy()
@@ -254,10 +261,21 @@ class SteadyFlight:
             autopilot.telemetry.pending = self._complete
         return self._from_us + stopped_at * STEP_US, before, held
 
-    def _know_slow(self, burst: MessageBurst) -> None:
+    def _send_flown(self, burst: MessageBurst, t_us: int, last_us: int, range_m: float | None) -> Sent:
+        """Messages of steps that are flown."""
         if not self._slow_is_known:
-            burst.set_slow(self._slow())
-            self._slow_is_known = True
+            self._know_slow(burst)
+        first, last = (t_us - self._from_us) // STEP_US, (last_us - self._from_us) // STEP_US
+        wanted, air = self._wanted, self._still_air
+        _, _, sent = burst.run(
+            self._c, wanted, wanted, air, from_us=self._from_us, range_m=range_m, first=first, last=last
+        )
+        assert sent is not None
+        return sent
+
+    def _know_slow(self, burst: MessageBurst) -> None:
+        burst.set_slow(self._slow())
+        self._slow_is_known = True
 
     def _slow(self) -> list[float]:
         """What messages say besides the state, as burst_kernel.py takes it."""

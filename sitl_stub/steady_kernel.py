@@ -98,7 +98,7 @@ _asked_of = _asked_from_flat if COMPILED else _same
 
 
 def flown_by_kernel(asked: Asked) -> Any:
-    return room([*asked[0], *asked[1:]]) if COMPILED else asked
+    return room(asked[0] + asked[1:]) if COMPILED else asked
 
 
 def for_kernel(value: Any) -> Any:

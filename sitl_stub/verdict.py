@@ -100,6 +100,8 @@ class Judge:
     def __init__(self, success: Success, duration_limit_s: float, *, starts_in_air: bool) -> None:
         self._success = success
         self._limit_s = duration_limit_s
+        self.limit_us = round(duration_limit_s * 1e6)
+        """When the time is up, on the boot clock."""
         self._has_flown = starts_in_air
         self._touchdown: _Touchdown | None = None
         self._touchdowns = 0
@@ -157,11 +159,6 @@ class Judge:
         overturned = upright_angle(q_ned_frd) > _TIPPED_TILT_RAD
         self._overturned_s = self._overturned_s + dt_s if overturned else 0.0
         self._decide(t_s, position_ned_m, deck, contact)
-
-    @property
-    def limit_us(self) -> int:
-        """When the time is up, on the boot clock."""
-        return round(self._limit_s * 1e6)
 
     def free(self, t_s: float, motors_run: bool) -> None:
         """The short way while nothing is near: only the time and the motors matter."""

@@ -170,12 +170,16 @@ class World:
                 self._finish_step(output)
         return output
 
-    def _finish_step(self, output: StepOutput, held: Sequence[Datagram] = ()) -> None:
-        """What is due; then the vehicle's datagrams, those held back first."""
-        if self.t_us >= self._next_due_us:
+    def _finish_step(
+        self, output: StepOutput, waiting: Sequence[Datagram] = (), *, links_are_empty: bool = False
+    ) -> None:
+        """What is due; then the vehicle's datagrams, those that wait already first."""
+        is_due = self.t_us >= self._next_due_us
+        if is_due:
             self._do_what_is_due(output)
-        output.datagrams += held
-        self._give_out(self.autopilot.datagrams(), output)
+        output.datagrams += waiting
+        if is_due or not links_are_empty:
+            self._give_out(self.autopilot.datagrams(), output)
 
     def _take_in(self, datagram: Datagram) -> None:
         if self._to_vehicle.is_clear():
@@ -272,11 +276,12 @@ class World:
             steady.send(at_us, range_m)
             self.t_us = at_us = at_us + STEP_US
             self._give_out(self.autopilot.datagrams(), output)
-        if at_us == last_us:
+        is_all_sent = at_us > last_us
+        if not is_all_sent:
             steady.send(last_us, range_m)
         self.t_us = last_us + STEP_US
         self._judge.free(self.t_us * 1e-6, motors_run=True)
-        self._finish_step(output, waiting)
+        self._finish_step(output, waiting, links_are_empty=is_all_sent)
 
     def _is_clear(self, t_us: int) -> bool:
         """Whether nothing can touch during the coming step; looks ahead as far as the distance allows."""

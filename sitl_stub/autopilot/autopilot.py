@@ -285,27 +285,30 @@ class Autopilot:
     def asked(self) -> Asked:
         """What the cascade flies until the next decision."""
         assert isinstance(self._setpoint, TrajectorySetpoint)
-        return self._asked_by(self._setpoint)
+        height_m = self.estimator.estimate.height_above_bottom_m
+        return self._asked_by(self._setpoint, is_near_ground=height_m is None or height_m < CLOSE_TO_GROUND_M)
 
-    def asked_next(self) -> Asked | None:
+    def asked_next(self, *, is_near_ground: bool) -> Asked | None:
         """What the next decision in OFFBOARD will have flown, if it can only be the newest setpoint; None where it must be made."""
         setpoint = self.offboard.setpoint
         if setpoint is None or self._offboard_attitude is not None or self.commander.nav_state is not NavState.OFFBOARD:
             return None
-        return self._asked_by(setpoint) if self.cascade.is_steady(setpoint, self._constraints) else None
+        if not self.cascade.is_steady(setpoint, self._constraints):
+            return None
+        return self._asked_by(setpoint, is_near_ground=is_near_ground)
 
     def take_next(self) -> None:
         """The decision that `asked_next` told of has been made."""
         self._setpoint = self._fly_offboard()
 
-    def _asked_by(self, setpoint: TrajectorySetpoint) -> Asked:
-        yaw_rate, height_m = setpoint.yaw_rate_rad_s, self.estimator.estimate.height_above_bottom_m
+    def _asked_by(self, setpoint: TrajectorySetpoint, *, is_near_ground: bool) -> Asked:
+        yaw_rate = setpoint.yaw_rate_rad_s
         return Asked(
             self.cascade.motion_asked(setpoint),
             setpoint.yaw_rad if isfinite(setpoint.yaw_rad) else nan,
             yaw_rate if isfinite(yaw_rate) else 0.0,
             self.land_detector.descends(setpoint.velocity_ned_m_s[2]),
-            height_m is None or height_m < CLOSE_TO_GROUND_M,
+            is_near_ground,
         )
 
     def calm_until_us(self, t_us: int) -> int:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from sitl_stub.compiled import room
+from sitl_stub.compiled import COMPILED, room
 
 _BLOCK = 1024
 
@@ -24,8 +24,8 @@ class NormalTape:
     def reserve(self, count: int) -> None:
         """Have so many numbers from `at` on; the sequence is the same however it is read."""
         while len(self.numbers) - self.at < count:
-            fresh = self._rng.standard_normal(_BLOCK)[::-1]
-            self.numbers = room([*map(float, self.numbers[self.at :]), *fresh.tolist()])
+            fresh, rest = self._rng.standard_normal(_BLOCK)[::-1], self.numbers[self.at :]
+            self.numbers = np.concatenate((rest, fresh)) if COMPILED else rest + fresh.tolist()
             self.at = 0
 
     def next(self) -> float:

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from sitl_stub.carriers.motion import KNOT_S, Carrier, CarrierMotion, Six
 
+_new = tuple.__new__
 Vec3 = tuple[float, float, float]
 Nine = tuple[float, float, float, float, float, float, float, float, float]
 
@@ -89,7 +90,7 @@ def deck_state(pose: Six, rate: Six) -> DeckState:
     cy, sy = math.cos(yaw), math.sin(yaw)
     if roll == 0.0 and pitch == 0.0 and roll_rate == 0.0 and pitch_rate == 0.0:
         flat = (cy, -sy, 0.0, sy, cy, 0.0, 0.0, 0.0, 1.0)
-        return DeckState((n, e, d), (vn, ve, vd), flat, (0.0, 0.0, yaw_rate), (0.0, 0.0, yaw))
+        return _new(DeckState, ((n, e, d), (vn, ve, vd), flat, (0.0, 0.0, yaw_rate), (0.0, 0.0, yaw)))
     cr, sr, cp, sp = math.cos(roll), math.sin(roll), math.cos(pitch), math.sin(pitch)
     rotation = (
         cy * cp,

@@ -19,17 +19,17 @@ def follow(
     reference: PathReference, north_m: float, east_m: float, heading_rad: float, *, lead_s: float, settle_m: float
 ) -> tuple[float, float]:
     """Wanted speed (m/s) and turn rate (rad/s)."""
-    dn, de = reference.north_m - north_m, reference.east_m - east_m
+    reference_north_m, reference_east_m, reference_heading_rad, v, acceleration_m_s2, curvature_1_m = reference
+    dn, de = reference_north_m - north_m, reference_east_m - east_m
     c, s = math.cos(heading_rad), math.sin(heading_rad)
     ahead, right = c * dn + s * de, c * de - s * dn
-    error = math.remainder(reference.heading_rad - heading_rad, math.tau)
-    v = reference.speed_m_s
-    turn = v * (reference.curvature_1_m + right / settle_m**2 + _DAMPING * math.sin(error) / settle_m)
+    error = math.remainder(reference_heading_rad - heading_rad, math.tau)
+    turn = v * (curvature_1_m + right / settle_m**2 + _DAMPING * math.sin(error) / settle_m)
     if v <= 0.0 and abs(ahead) < 0.05:
         ahead = 0.0
     # A driver who is late does not race: the gap closes at a tenth of the speed, or half a metre per second.
     catch_up = slew(0.0, _ALONG_GAIN_HZ * ahead, 0.5 + 0.1 * v)
-    return v * math.cos(error) + catch_up + lead_s * reference.acceleration_m_s2, turn
+    return v * math.cos(error) + catch_up + lead_s * acceleration_m_s2, turn
 
 
 def slew(value: float, wanted: float, largest_step: float) -> float:

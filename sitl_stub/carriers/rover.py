@@ -17,6 +17,7 @@ from sitl_stub.randomness import NormalDraws
 from sitl_stub.section import NonNegative, Positive, Section
 
 _WOBBLE_TIME_S = 1.5
+_new = tuple.__new__
 
 
 class RoverSettings(Section, frozen=True, tag_field="kind", tag="rover"):
@@ -55,7 +56,7 @@ class Rover:
     def motion(self) -> CarrierMotion:
         v, h = self._speed_m_s, self._heading_rad
         pose = (self._north_m, self._east_m, -self._deck_height_m, 0.0, 0.0, h)
-        return CarrierMotion(pose, (v * math.cos(h), v * math.sin(h), 0.0, 0.0, 0.0, self._turn_rad_s))
+        return _new(CarrierMotion, (pose, (v * math.cos(h), v * math.sin(h), 0.0, 0.0, 0.0, self._turn_rad_s)))
 
     def advance(self) -> None:
         self._knot += 1
@@ -75,9 +76,9 @@ class Rover:
         here = (self._north_m, self._east_m, self._heading_rad)
         wanted_v, wanted_w = follow(reference, *here, lead_s=s.speed_lag_s, settle_m=settle_m)
         # A rover that is told to stand has its brakes on: no wobble.
-        rolling = reference.speed_m_s > 0.0
-        wanted_v += self._speed_wobble.advance() if rolling else 0.0
-        wanted_w += self._turn_wobble.advance() if rolling else 0.0
+        if reference.speed_m_s > 0.0:
+            wanted_v += self._speed_wobble.advance()
+            wanted_w += self._turn_wobble.advance()
         v, w = self._speed_m_s, self._turn_rad_s
         lagged_v = v + (wanted_v - v) * KNOT_S / (s.speed_lag_s + KNOT_S)
         lagged_w = w + (wanted_w - w) * KNOT_S / (s.turn_lag_s + KNOT_S)

@@ -22,5 +22,5 @@ class Wobble:
 
     def advance(self) -> float:
         if self._kick > 0.0:
-            self.value = self._decay * self.value + self._kick * float(self._rng.standard_normal())
+            self.value = self._decay * self.value + self._kick * self._rng.standard_normal()
         return self.value
