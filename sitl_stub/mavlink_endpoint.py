@@ -102,10 +102,7 @@ class MavlinkEndpoint:
     @property
     def sends_streams_only(self) -> bool:
         """Nothing waits to be sent but streams, and none is signed."""
-        busy = self.next_due_us == 0
-        for link in self._active:
-            busy = busy or bool(link.out) or link.signing.is_active
-        return not busy
+        return self.next_due_us != 0 and not any(link.signing.is_active for link in self._active)
 
     def silence(self, link_name: str) -> None:
         """Send nothing on a link from now on; what comes in on it is still taken."""
@@ -385,7 +382,9 @@ class MavlinkEndpoint:
         _, x, y, z, vx, vy, vz, ax, ay, az, yaw, yaw_rate, mask, system_id, component_id, coordinate_frame = v
         if self._is_for_me_or_all(system_id, component_id):
             self._vehicle.receive_local_target(
-                LocalTarget(coordinate_frame, mask, (x, y, z), (vx, vy, vz), (ax, ay, az), yaw, yaw_rate)
+                tuple.__new__(
+                    LocalTarget, (coordinate_frame, mask, (x, y, z), (vx, vy, vz), (ax, ay, az), yaw, yaw_rate)
+                )
             )
 
     def _on_attitude_target(self, link: Link, frame: Frame, v: Any) -> None:

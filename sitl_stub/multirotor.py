@@ -10,10 +10,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import sqrt
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from sitl_stub.airframe import Airframe
-from sitl_stub.compiled import used_by_kernels
+from sitl_stub.compiled import COMPILED, used_by_kernels
 from sitl_stub.rotation import Quaternion, Vec3, from_rotation_vector, multiply
 
 GRAVITY_M_S2 = 9.80665
@@ -203,31 +203,54 @@ class Multirotor:
     ) -> None:
         self.airframe = airframe
         self.body = body_of(airframe)
-        self.state = BodyState(*position_ned_m, *velocity_ned_m_s, *q_ned_frd, *rates_frd_rad_s, *motors)
+        self._state = BodyState(*position_ned_m, *velocity_ned_m_s, *q_ned_frd, *rates_frd_rad_s, *motors)
+        self._flat: Any = None
         self.motor_health: Motors = _ALL_WELL
         self.on_surface = False
-        self.acceleration_ned_m_s2: Vec3 = (0.0, 0.0, 0.0)
+        self._acceleration_ned_m_s2: Vec3 = (0.0, 0.0, 0.0)
 
     @property
     def position_ned_m(self) -> Vec3:
-        return (self.state.x, self.state.y, self.state.z)
+        return self.state[:3]
 
     @property
     def velocity_ned_m_s(self) -> Vec3:
-        return (self.state.vx, self.state.vy, self.state.vz)
+        return self.state[3:6]
 
     @property
     def q_ned_frd(self) -> Quaternion:
-        return (self.state.qw, self.state.qx, self.state.qy, self.state.qz)
+        return self.state[6:10]
 
     @property
     def rates_frd_rad_s(self) -> Vec3:
-        return (self.state.p, self.state.q, self.state.r)
+        return self.state[10:13]
+
+    def keep(self, flat: Any) -> None:
+        """The state, then the acceleration, are in these numbers: looked at when somebody asks, or before the next `step`."""
+        self._flat = flat
+
+    def _look(self) -> None:
+        flat, self._flat = self._flat, None
+        numbers = flat.tolist() if COMPILED else flat
+        self._state = BodyState._make(numbers[:17])
+        self._acceleration_ned_m_s2 = (numbers[17], numbers[18], numbers[19])
+
+    @property
+    def state(self) -> BodyState:
+        if self._flat is not None:
+            self._look()
+        return self._state
+
+    @property
+    def acceleration_ned_m_s2(self) -> Vec3:
+        if self._flat is not None:
+            self._look()
+        return self._acceleration_ned_m_s2
 
     @property
     def motors(self) -> Motors:
         """Signals of the rotors after their lag."""
-        return (self.state.u0, self.state.u1, self.state.u2, self.state.u3)
+        return self.state[13:]
 
     def step(
         self,
@@ -239,10 +262,10 @@ class Multirotor:
     ) -> None:
         """Advance by dt_s (1 to 4 ms)."""
         loads = Loads(*wind_ned_m_s, *external_force_ned_n, *external_torque_frd_nm)
-        state, self.acceleration_ned_m_s2 = advance(
+        state, self._acceleration_ned_m_s2 = advance(
             self.state, self.body, motor_commands, self.motor_health, loads, dt_s
         )
-        self.state = BodyState(*state)
+        self._state = BodyState(*state)
 
     def truth(self) -> VehicleTruth:
         """What is true now, for sensors, scoring and display."""

@@ -22,7 +22,7 @@ from sitl_stub.burst_kernel import NO_STEP
 from sitl_stub.compiled import COMPILED, room
 from sitl_stub.datagram_faults import Datagram
 from sitl_stub.message_burst import FlightArrays, MessageBurst, Sent
-from sitl_stub.multirotor import BodyState, Multirotor, truth_of
+from sitl_stub.multirotor import Multirotor, truth_of
 from sitl_stub.steady_kernel import (
     BODY_SIZE,
     DECISION_PERIOD_US,
@@ -174,7 +174,7 @@ class SteadyFlight:
         tape.reserve(steps * MOST_NUMBERS_A_STEP)
         wind.tape.reserve(steps * NUMBERS_A_STEP)
         self._from_us = t_us
-        kept_from = max(0, -((t_us - autopilot.next_message_us()) // STEP_US))
+        kept_from = max(0, -((t_us - autopilot.endpoint.next_due_us) // STEP_US))
         quiet_steps = max(0, -((t_us - self._calm_until_us) // STEP_US)) if self._task_waits else 0
         bottom_m = autopilot.estimator.estimate.height_above_bottom_m
         near = bottom_m is None or bottom_m < CLOSE_TO_GROUND_M
@@ -225,9 +225,7 @@ class SteadyFlight:
         self._is_estimated, self._is_shown = False, False
         if self._asked_next is not None and since_decision_us + (done - left_out) * STEP_US >= DECISION_PERIOD_US:
             self._take_next(self._asked_next)
-        b = _plain(self._b)
-        self._vehicle.state = BodyState._make(b[:17])
-        self._vehicle.acceleration_ned_m_s2 = (b[17], b[18], b[19])
+        self._vehicle.keep(self._b)
         return done, waits
 
     def _take_next(self, asked: Asked) -> None:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import isfinite, isnan, nan, pi
+from math import isfinite, nan, pi
 from typing import Any
 
 from sitl_stub.autopilot.attitude_control import attitude_gains, control_attitude
@@ -298,7 +298,8 @@ class Cascade:
     def _flat(self, setpoint: TrajectorySetpoint) -> Motion:
         """The setpoint as the position loop takes it; kept, since a setpoint is flown many times."""
         if self._asked is None or self._asked[0] is not setpoint:
-            flat = Motion(*setpoint.position_ned_m, *setpoint.velocity_ned_m_s, *setpoint.acceleration_ned_m_s2)
+            position, velocity, acceleration, _, _ = setpoint
+            flat = tuple.__new__(Motion, position + velocity + acceleration)
             self._asked = (setpoint, flat)
         return self._asked[1]
 
@@ -366,7 +367,8 @@ class Cascade:
     def _is_free(self, c: FlightConstraints) -> bool:
         if not (c.armed and c.is_flying) or c.landed or c.maybe_landed or c.thrust_off:
             return False
-        return isnan(c.climb_limit_m_s) and isnan(c.descent_limit_m_s) and isnan(c.speed_limit_m_s)
+        climb, descent, speed = c.climb_limit_m_s, c.descent_limit_m_s, c.speed_limit_m_s
+        return climb != climb and descent != descent and speed != speed
 
     def motion_asked(self, setpoint: TrajectorySetpoint) -> Motion:
         """The setpoint as the position loop takes it."""

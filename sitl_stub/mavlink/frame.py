@@ -106,4 +106,4 @@ def _check(raw: bytes) -> Frame | None:
     if crc16(raw[1:end] + message_type.extra_byte) != raw[end] | raw[end + 1] << 8:
         return None
     signed = raw[0] == _START_V2 and bool(raw[2] & _INCOMPAT_SIGNED)
-    return Frame(message_type, system_id, component_id, raw[begin:end], raw, signed)
+    return tuple.__new__(Frame, (message_type, system_id, component_id, raw[begin:end], raw, signed))
