@@ -241,6 +241,12 @@ class Multirotor:
             self._look()
         return self._state
 
+    @state.setter
+    def state(self, state: BodyState) -> None:
+        if self._flat is not None:
+            self._look()
+        self._state = state
+
     @property
     def acceleration_ned_m_s2(self) -> Vec3:
         if self._flat is not None:
