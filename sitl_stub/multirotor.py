@@ -253,6 +253,12 @@ class Multirotor:
             self._look()
         return self._acceleration_ned_m_s2
 
+    @acceleration_ned_m_s2.setter
+    def acceleration_ned_m_s2(self, acceleration_ned_m_s2: Vec3) -> None:
+        if self._flat is not None:
+            self._look()
+        self._acceleration_ned_m_s2 = acceleration_ned_m_s2
+
     @property
     def motors(self) -> Motors:
         """Signals of the rotors after their lag."""
