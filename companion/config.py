@@ -214,8 +214,7 @@ class Control(_Section, frozen=True):
 class Mission(_Section, frozen=True):
     """When to do what. Heights are above the pad unless a key says otherwise. `search_cone_s` is how long the search goes on
     drifting with the pad's last known velocity, `lost_action` what follows a search that found nothing; `commit_heave_m_s`
-    and `commit_deck_tilt_deg` say which motion of the deck may be touched; for the first `quiet_wait_s` of a descent a deck that
-    swings is waited for until it will lean less than `quiet_lean_deg` against the vehicle. From `bent_acceleration_m_s2` of the
+    and `commit_deck_tilt_deg` say which motion of the deck may be touched. From `bent_acceleration_m_s2` of the
     pad on, the descent waits at `straight_height_m` until it is below `straight_acceleration_m_s2`, at most for the first
     `straight_wait_s`. `sight = "beacon"` lets the pad's own report stand in for the camera: only where both positions are good to decimetres (RTK, a hall with localisation).
     `follow_to_the_end` lets the descent begin only when the plan to above the pad has been flown to its end. `follow_behind_m` puts
@@ -256,8 +255,6 @@ class Mission(_Section, frozen=True):
     commit_tilt_deg: Positive = 25.0
     commit_heave_m_s: Positive = 0.6
     commit_deck_tilt_deg: Positive = 8.0
-    quiet_lean_deg: Positive = 4.0
-    quiet_wait_s: NonNegative = 15.0
     bent_acceleration_m_s2: Positive = 1.7
     straight_acceleration_m_s2: Positive = 1.1
     straight_height_m: Positive = 2.0

@@ -11,7 +11,7 @@ from typing import Protocol
 
 from companion.config import Config
 from companion.estimation import DeckMotion, PadMotion, VehiclePose
-from companion.geometry import ZERO, add, dot, horizontal_norm, quaternion_from_euler, rotate, scale, subtract
+from companion.geometry import ZERO, dot, horizontal_norm, quaternion_from_euler, rotate, subtract
 from companion.messages import (
     CommandKind,
     CommandResult,
@@ -45,9 +45,6 @@ MAX_SIGHT_DELAY_S = 1.0
 SAME_SIGHT_NS = 1_000_000
 """Rounding of an age to seconds and back is no new sight."""
 
-HANG_TIME_S = 1.0
-"""Over this time the vehicle's own lean is averaged: longer than the corrections of the last metre."""
-
 MAX_CONTACT_S = 3.0
 """A deck is not predicted further ahead."""
 
@@ -74,7 +71,6 @@ class Situation:
         self._evidence: TouchdownEvidence = NO_EVIDENCE
         self._range: RangeMeasurement | None = None
         self._thrust: ThrustReport | None = None
-        self._hanging_down: Vec3 = DOWN
         self._frame_ns: int | None = None
         self._sight: tuple[int, int] | None = None
         self._last_tick_ns: int | None = None
@@ -118,8 +114,6 @@ class Situation:
         home = start if status is None or status.home_position_ned_m is None else status.home_position_ned_m
         away = (0.0, 0.0, 0.0) if start is None or pose is None else subtract(pose.position_ned_m, start)
         in_s = None if position is None or velocity is None else self._foreseen_contact_s(position, velocity)
-        if pose is not None:
-            self._hang(pose, dt_s)
         self._foresee_bend(t_ns, position, velocity)
         return Facts(
             t_ns=t_ns,
@@ -179,13 +173,6 @@ class Situation:
     def _contact_s(self, position: Vec3, velocity: Vec3) -> float:
         return min(time_to_contact_s(-position[2], velocity[2], self._config.mission), MAX_CONTACT_S)
 
-    def _hang(self, pose: VehiclePose, dt_s: float) -> None:
-        """How the vehicle leans on average: into the wind, and as wrongly as the autopilot believes to be level."""
-        down = rotate(pose.q_ned_frd, DOWN)
-        self._hanging_down = add(
-            self._hanging_down, scale(subtract(down, self._hanging_down), dt_s / (HANG_TIME_S + dt_s))
-        )
-
     def _no_land(self, t_ns: int, zones: Zones, pad: PadEstimate, in_s: float | None) -> str | None:
         """Of the zone in which the pad will be at contact."""
         if not zones.no_land:
@@ -199,11 +186,8 @@ class Situation:
         if position is None or velocity is None or pad is None:
             return None
         then = None if in_s is None else self._prediction.deck(t_ns + round(in_s * 1e9))
-        tilt = (pad.roll_rad, pad.pitch_rad)
-        deck = then or DeckMotion(pad.velocity_ned_m_s[2], *tilt, tilt)
-        after_s = self._contact_s(position, velocity)
-        hanging = self._hanging_down
-        return contact(after_s, position, velocity, deck, deck_yaw_rad=pad.yaw_rad, hanging_down=hanging)
+        deck = then or DeckMotion(pad.velocity_ned_m_s[2], pad.roll_rad, pad.pitch_rad)
+        return contact(self._contact_s(position, velocity), position, velocity, deck)
 
     def _foresee_bend(self, t_ns: int, position: Vec3 | None, velocity: Vec3 | None) -> None:
         if position is None or velocity is None:

@@ -35,17 +35,15 @@ class PadMotion:
 
 
 class DeckMotion(NamedTuple):
-    """What the deck does whatever way the pad goes: vertical speed (m/s, down positive), roll and pitch (rad). `mean_tilt_rad` is
-    the roll and pitch that it swings about, the same as those where nothing is known of a swing."""
+    """What the deck does whatever way the pad goes: vertical speed (m/s, down positive), roll and pitch (rad)."""
 
     down_m_s: float
     roll_rad: float
     pitch_rad: float
-    mean_tilt_rad: tuple[float, float]
 
     def moved(self, velocity_m_s: Vec3) -> DeckMotion:
         """The same seen from a frame in which O moves with `velocity_m_s`."""
-        return self._replace(down_m_s=self.down_m_s + velocity_m_s[2])
+        return DeckMotion(self.down_m_s + velocity_m_s[2], self.roll_rad, self.pitch_rad)
 
 
 class Outlook(Protocol):
@@ -97,7 +95,7 @@ class BankOutlook:
     def motion(self) -> PadMotion:
         north, east, vn, ve = bank.mean_position_and_velocity(self.members)
         acceleration = bank.mean_motion(self.members).acceleration_m_s2
-        height, (down_m_s, roll, pitch, _) = self.vertical.view(self.height), self.deck()
+        height, (down_m_s, roll, pitch) = self.vertical.view(self.height), self.deck()
         return PadMotion(
             position_ned_m=(north, east, height.z_m),
             velocity_ned_m_s=(vn, ve, down_m_s),
@@ -108,8 +106,7 @@ class BankOutlook:
 
     def deck(self) -> DeckMotion:
         roll, pitch = self.level if self.tilt is None else (x[MEAN] + x[SWING] for x, _ in self.tilt)
-        mean = (roll, pitch) if self.tilt is None else (self.tilt[0][0][MEAN], self.tilt[1][0][MEAN])
-        return DeckMotion(self.vertical.view(self.height).rate_m_s, roll, pitch, mean)
+        return DeckMotion(self.vertical.view(self.height).rate_m_s, roll, pitch)
 
 
 def _with_own_mean(state: State) -> State:
@@ -153,4 +150,4 @@ class WholeOutlook:
 
     def deck(self) -> DeckMotion:
         then = self.track.estimate("outlook")
-        return DeckMotion(then.velocity_ned_m_s[2], then.roll_rad, then.pitch_rad, (then.roll_rad, then.pitch_rad))
+        return DeckMotion(then.velocity_ned_m_s[2], then.roll_rad, then.pitch_rad)

@@ -1,8 +1,7 @@
 """What the deck will do when the feet meet it: the touchdown window on a deck that heaves and tilts.
 
 A level, steady deck always fits. On a boat the vehicle waits low above the deck until the predicted heave and tilt at the
-time of contact fit; for a while it asks for more, a deck as the vehicle hangs in the wind. Both are told by the same attitude, whose
-error cancels in the difference. W, SI; `deck_climb_m_s` is positive up. Called by pipeline.py each tick.
+time of contact fit. W, SI; `deck_climb_m_s` is positive up. Called by pipeline.py each tick.
 """
 
 from __future__ import annotations
@@ -12,13 +11,11 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from companion.config import Mission
-from companion.geometry import dot, horizontal_norm, norm, quaternion_from_euler, rotate
+from companion.geometry import horizontal_norm
 from companion.messages import Vec3
 
 CLOSING_S = 0.3
 """The horizontal error is carried on for so long only: after that the control law has answered it."""
-
-DOWN: Vec3 = (0.0, 0.0, 1.0)
 
 
 FORESEEN_S = 1.0
@@ -26,7 +23,7 @@ FORESEEN_S = 1.0
 
 
 class Deck(Protocol):
-    """What the deck does at an instant, W; `mean_tilt_rad` is the roll and pitch that it swings about."""
+    """What the deck does at an instant, W."""
 
     @property
     def down_m_s(self) -> float: ...
@@ -37,21 +34,15 @@ class Deck(Protocol):
     @property
     def pitch_rad(self) -> float: ...
 
-    @property
-    def mean_tilt_rad(self) -> tuple[float, float]: ...
-
 
 @dataclass(frozen=True, slots=True)
 class Contact:
-    """`in_s` from now; `miss_m` horizontal, predicted. `lean_rad` is between the vehicle as it hangs and the deck then,
-    `mean_lean_rad` what would be left of it where the deck does not swing: waiting mends the rest only."""
+    """`in_s` from now; `miss_m` horizontal, predicted."""
 
     in_s: float
     miss_m: float
     deck_tilt_rad: float
     deck_climb_m_s: float
-    lean_rad: float = 0.0
-    mean_lean_rad: float = 0.0
 
 
 def time_to_contact_s(height_m: float, sink_m_s: float, mission: Mission) -> float:
@@ -60,13 +51,9 @@ def time_to_contact_s(height_m: float, sink_m_s: float, mission: Mission) -> flo
     return max(0.0, height_m - mission.vehicle_leg_height_m) / max(final_m_s, 0.5 * (final_m_s + sink_m_s))
 
 
-def contact(
-    in_s: float, position_m: Vec3, velocity_m_s: Vec3, deck_then: Deck, *, deck_yaw_rad: float, hanging_down: Vec3
-) -> Contact:
-    """`position_m`, `velocity_m_s`: vehicle minus pad now; `deck_then`: the deck predicted for the contact; `hanging_down`: the
-    body's down axis in W on average."""
+def contact(in_s: float, position_m: Vec3, velocity_m_s: Vec3, deck_then: Deck) -> Contact:
+    """`position_m`, `velocity_m_s`: vehicle minus pad now; `deck_then`: the deck predicted for the contact."""
     ahead_s = min(in_s, CLOSING_S)
-    tilt = (deck_then.roll_rad, deck_then.pitch_rad)
     return Contact(
         in_s=in_s,
         miss_m=horizontal_norm(
@@ -74,18 +61,10 @@ def contact(
         ),
         deck_tilt_rad=math.acos(math.cos(deck_then.roll_rad) * math.cos(deck_then.pitch_rad)),
         deck_climb_m_s=-deck_then.down_m_s,
-        lean_rad=_lean_rad(hanging_down, tilt, deck_yaw_rad),
-        mean_lean_rad=_lean_rad(hanging_down, deck_then.mean_tilt_rad, deck_yaw_rad),
     )
 
 
-def _lean_rad(down: Vec3, tilt_rad: tuple[float, float], yaw_rad: float) -> float:
-    """Angle between a direction and the deck's down."""
-    deck_down = rotate(quaternion_from_euler(*tilt_rad, yaw_rad), DOWN)
-    return math.acos(max(-1.0, min(1.0, dot(down, deck_down) / norm(down))))
-
-
-def window_is_closed(then: Contact | None, mission: Mission, *, waited_s: float) -> str | None:
+def window_is_closed(then: Contact | None, mission: Mission) -> str | None:
     """Why the deck is not to be touched then; None where it may be (or nothing is predicted)."""
     if then is None:
         return None
@@ -94,11 +73,6 @@ def window_is_closed(then: Contact | None, mission: Mission, *, waited_s: float)
     tilt_deg = math.degrees(then.deck_tilt_rad)
     if tilt_deg > mission.commit_deck_tilt_deg:
         return f"the deck will tilt {tilt_deg:.0f} deg, {mission.commit_deck_tilt_deg:.0f} deg allowed"
-    lean_deg, least_deg = math.degrees(then.lean_rad), math.degrees(then.mean_lean_rad)
-    if waited_s < mission.quiet_wait_s and lean_deg > max(mission.quiet_lean_deg, least_deg):
-        return (
-            f"the deck will lean {lean_deg:.0f} deg against the vehicle, waiting for {mission.quiet_lean_deg:.0f} deg"
-        )
     return None
 
 

@@ -70,18 +70,18 @@ def _descent(facts: Facts, mission: Mission, *, waited_s: float) -> Goal:
         return Goal("pad", "level")
     if waits_for_straight(facts, mission, waited_s=waited_s):
         return _above(min(mission.straight_height_m, mission.follow_height_m))
-    if _waits_for_the_deck(facts, mission, waited_s):
+    if _waits_for_the_deck(facts, mission):
         return _above(mission.commit_height_m)
     end = (0.0, 0.0, -0.9 * mission.commit_height_m)
     down = (0.0, 0.0, mission.final_descent_speed_m_s)
     return Goal("pad", "plan", end, down, max_descent_m_s=mission.descent_speed_m_s)
 
 
-def _waits_for_the_deck(facts: Facts, mission: Mission, waited_s: float) -> bool:
+def _waits_for_the_deck(facts: Facts, mission: Mission) -> bool:
     """Low above a deck that heaves or tilts too much at the time of contact."""
     height = facts.height_above_pad_m
     low = height is not None and height < mission.commit_height_m + WAIT_MARGIN_M
-    return low and window_is_closed(facts.contact, mission, waited_s=waited_s) is not None
+    return low and window_is_closed(facts.contact, mission) is not None
 
 
 def may_descend(facts: Facts, mission: Mission) -> bool:

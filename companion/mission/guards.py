@@ -245,7 +245,7 @@ def ready_to_commit(facts: Facts, context: Context) -> str | None:
         max(miss, 0.0 if then is None else then.miss_m) <= mission.commit_miss_m
         and speed <= mission.commit_relative_speed_m_s
         and tilt_deg <= mission.commit_tilt_deg
-        and window_is_closed(then, mission, waited_s=context.phase_age_s) is None
+        and window_is_closed(then, mission) is None
         and off_the_deck_unseen(facts, mission) is None
         and not waits_for_straight(facts, mission, waited_s=context.phase_age_s)
     )

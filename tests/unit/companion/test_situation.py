@@ -42,7 +42,7 @@ class Moving:
         return PadMotion((4.0 * t_ns / 1e9, 0.0, -0.5), PAD.velocity_ned_m_s, (0.0, self.turn_m_s2, 0.0), 0.0, 0.0)
 
     def deck(self, t_ns: int) -> DeckMotion:
-        return DeckMotion(0.1 * t_ns / 1e9, 0.0, 0.05, (0.0, 0.0))
+        return DeckMotion(0.1 * t_ns / 1e9, 0.0, 0.05)
 
 
 class Scene:

@@ -63,8 +63,7 @@ def test_the_motion_ahead_on_a_curve_has_the_bits_of_the_estimate() -> None:
         assert estimate is not None
         for name in PadMotion.__slots__:
             assert getattr(motion, name) == getattr(estimate, name)
-        tilt = (estimate.roll_rad, estimate.pitch_rad)
-        assert moving.deck(ns(float(t))) == (estimate.velocity_ned_m_s[2], *tilt, tilt)
+        assert moving.deck(ns(float(t))) == (estimate.velocity_ned_m_s[2], estimate.roll_rad, estimate.pitch_rad)
 
 
 def rms_error(delays_s: list[float], path: Path, seed: int) -> float:
