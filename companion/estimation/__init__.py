@@ -102,7 +102,7 @@ ESTIMATORS: dict[str, Factory] = {
     "coordinated_turn": _bank("coordinated_turn", lambda bias: {CoordinatedTurn(bias=bias): 1.0}),
     "weaving_turn": _bank("weaving_turn", lambda bias: {WeavingTurn(bias=bias): 1.0}),
     "unicycle": _unicycle("unicycle"),
-    "unicycle_turn": _unicycle("unicycle_turn", theta_psd=0.02, turn_gain_hz=2.0, unseen_turn_rad_s=0.6),
+    "unicycle_turn": _unicycle("unicycle_turn", theta_psd=0.005, turn_gain_hz=1.5, unseen_turn_rad_s=0.6),
     "bearing_ukf": _bearing_ukf,
 }
 

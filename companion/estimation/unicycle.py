@@ -32,6 +32,8 @@ MAX_TURN_RAD_S = 1.0
 TURN_KEPT_S, TURN_FADES_S = 1.0, 1.0
 """Unseen, the platform is believed to turn on for the first, and to come out of the turn within about the second: no path
 turns for ever, and a prediction that does leads the vehicle round in a circle."""
+UNSEEN_AFTER_S = 0.15
+"""Longer than from one sight to the next."""
 LONGEST_STEP_S = 0.1
 """What a step adds to the uncertainty of theta reaches the position with the next one."""
 AXES = ("north", "east", "down")
@@ -135,8 +137,8 @@ class UnicycleTrack:
             return
         s = self.settings
         for dt_s in in_steps((t_ns - self.t_ns) / NS, LONGEST_STEP_S):
-            u1, unseen_s = self.turn_now_rad_s, self._unseen_s()
-            theta_psd = s.theta_psd + s.unseen_turn_rad_s**2 * (2.0 * unseen_s + dt_s)
+            u1, unseen_s = self.turn_now_rad_s, self._unseen_s() - UNSEEN_AFTER_S
+            theta_psd = s.theta_psd + s.unseen_turn_rad_s**2 * max(0.0, 2.0 * unseen_s + dt_s)
             predict_unicycle(self.x, self.P, dt_s, u1, s.position_psd, s.height_psd, theta_psd, s.speed_psd)
             self.t_ns += round(dt_s * NS)
         self.t_ns = t_ns
@@ -192,9 +194,9 @@ class UnicycleTrack:
         decision = judge(gate, t_ns=m.t_ns, y=y, S=S, R=R, limit=limit, both_axes=both_axes and axis < 2)
         if decision is Decision.REACQUIRE:
             self.P[6 * axis] += y * y
-            if axis < 2:
-                self.start, self.turn_rad_s = [], 0.0
-                self.x[4], self.P[18], self.P[24] = 0.0, 1.0, 1.0
+            self.P[18], self.P[24] = max(float(self.P[18]), 0.3), max(float(self.P[24]), 1.0)
+            if both_axes and axis < 2:
+                self.start, self.turn_rad_s, self.x[4], self.P[18] = [], 0.0, 0.0, 1.0
         return decision
 
     def _fuse_at_start(self, m: PadMeasurement, z: Vec3, variance: list[float]) -> MeasurementVerdict:
