@@ -62,7 +62,8 @@ def fly_versus(keys: Sequence[str], *, seeds: int, done: Callable[[int, int], No
     name = f"versus-{keys[0]}" if len(keys) == 1 else "versus"
     flown_with = "Seed 1" if seeds == 1 else f"Seeds 1 to {seeds}"
     notes = (*NOTES, f"{flown_with}: {len(samples)} flights.", balance(found))
-    return Reproduction(name, "The papers' presets against the default pipeline", tuple(found), (), (), notes)
+    title = f"{keys[0]}: the paper's preset" if len(keys) == 1 else "The papers' presets"
+    return Reproduction(name, f"{title} against the default pipeline", tuple(found), (), (), notes)
 
 
 def balance(rows: Sequence[Row]) -> str:
