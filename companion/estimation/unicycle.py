@@ -29,6 +29,8 @@ START_WINDOW_NS, START_SIGHTS, START_WAY_M, START_SIGMAS = 6 * NS, 5, 0.3, 5.0
 """Direction and speed are the slope of a straight line through the sights of the last seconds, once there are so many of them, the
 line is so long, and its slope is so many standard deviations: the first sights from far away are off by a metre."""
 MAX_TURN_RAD_S = 1.0
+TURN_TOLD_FROM_M_S = 2.0
+"""Slower, theta's corrections are more of the sights' noise than of the platform's turn."""
 TURN_KEPT_S, TURN_FADES_S = 1.0, 1.0
 """Unseen, the platform is believed to turn on for the first, and to come out of the turn within about the second: no path
 turns for ever, and a prediction that does leads the vehicle round in a circle."""
@@ -225,7 +227,9 @@ class UnicycleTrack:
         if self.start is not None or float(self.x[4]) < MIN_SPEED_M_S:
             self.turn_rad_s = 0.0
             return
-        learned = self.turn_rad_s + self.settings.turn_gain_hz * corrected_rad
+        speed2 = float(self.x[4]) ** 2
+        gain_hz = self.settings.turn_gain_hz * speed2 / (speed2 + TURN_TOLD_FROM_M_S**2)
+        learned = self.turn_rad_s + gain_hz * corrected_rad
         self.turn_rad_s = max(-MAX_TURN_RAD_S, min(MAX_TURN_RAD_S, learned))
 
     def _note(self, m: PadMeasurement, accepted: bool) -> None:
