@@ -13,7 +13,7 @@ from typing import Any
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """`world` holds for both; `preset_app` for the preset alone, the two others for the default pipeline alone.
+    """`world` holds for both; `preset_app` for the preset alone, the others for the default pipeline alone.
 
     `default_files` are configuration files without folder and suffix, as "pads/nested".
     """
@@ -24,6 +24,11 @@ class Scene:
     preset_app: Mapping[str, Any] = field(default_factory=dict)
     default_world: Mapping[str, Any] = field(default_factory=dict)
     default_files: tuple[str, ...] = ()
+    default_app: Mapping[str, Any] = field(default_factory=dict)
+
+
+_LENS = {"cameras.down.fx_px": 263.0, "cameras.down.fy_px": 263.0}
+"""Of `falanga`: both sides look through the same lens; only the tag is another."""
 
 
 def _dalang(name: str, threshold_m: float, speed_m_s: float) -> Scene:
@@ -32,7 +37,7 @@ def _dalang(name: str, threshold_m: float, speed_m_s: float) -> Scene:
 
 
 def _falanga(name: str, path: Mapping[str, Any]) -> Scene:
-    return Scene(name, "falanga", {"path": path}, default_world={"pad.file": "nested", "cameras": {"down": {}}})
+    return Scene(name, "falanga", {"path": path}, default_world={"pad.file": "nested"}, default_app=_LENS)
 
 
 def _guo(name: str, scenario: str, preset_app: Mapping[str, Any]) -> Scene:

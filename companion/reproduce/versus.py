@@ -82,7 +82,15 @@ def _samples(index: int, key: str, scene: Scene, seeds: int) -> list[Sample]:
         for seed in range(1, seeds + 1)
         for sample in (
             flight(first + seed, scene.scenario, preset=key, seed=seed, world=scene.world, app=scene.preset_app),
-            flight(second + seed, scene.scenario, preset=None, seed=seed, world=world, files=scene.default_files),
+            flight(
+                second + seed,
+                scene.scenario,
+                preset=None,
+                seed=seed,
+                world=world,
+                files=scene.default_files,
+                app=scene.default_app,
+            ),
         )
     ]
 
