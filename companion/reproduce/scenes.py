@@ -1,7 +1,8 @@
 """Each paper's own scenarios, for `companion reproduce --versus`: flown by its preset and by the default pipeline.
 
-A scene names a scenario of configs/scenarios/papers. The default pipeline sees what it is made for: its camera looks down on
-its own marker on a deck of the same size and motion (`default_world`, `default_files`); the beacon is the scenario's.
+A scene names a scenario of configs/scenarios/papers. The default pipeline sees what it is made for: a camera that looks
+down, the paper's where it has one, on its own marker on a deck of the same size and motion (`default_world`, `default_files`,
+`default_app`); the beacon is the scenario's.
 """
 
 from __future__ import annotations
@@ -28,7 +29,13 @@ class Scene:
 
 
 _LENS = {"cameras.down.fx_px": 263.0, "cameras.down.fy_px": 263.0}
-"""Of `falanga`: both sides look through the same lens; only the tag is another."""
+_FISHEYE = {
+    "cameras.down.model": "scaramuzza",
+    "cameras.down.fx_px": 160.0,
+    "cameras.down.fy_px": 160.0,
+    "cameras.down.distortion": (160.0, 0.0, -2.0e-3, 0.0, 0.0),
+}
+"""Of `falanga` and of `kim`: where the paper's camera looks down both sides look through it; only the target is another."""
 
 
 def _dalang(name: str, threshold_m: float, speed_m_s: float) -> Scene:
@@ -65,7 +72,7 @@ SCENES: dict[str, tuple[Scene, ...]] = {
         _guo("cart, 0.2 m/s", "guo_cart", _NEAR),
         _guo("boat, 0.4 m/s", "guo", _NEAR),
     ),
-    "kim": (Scene("rover on a line", "kim", default_world={"pad.file": "nested", "cameras": {"down": {}}}),),
+    "kim": (Scene("rover on a line", "kim", default_world={"pad.file": "nested"}, default_app=_FISHEYE),),
     "dalang": (
         _dalang("Table I, 0.2 m", 0.2, 0.1),
         _dalang("Table I, 0.8 m", 0.8, 0.1),

@@ -39,8 +39,8 @@ MEASURES = (
 
 NOTES = (
     "Simulated flights. Per scene and seed one by each side; the same world but for what the default pipeline looks"
-    " at: its own nested marker (configs/pads) under its own camera that looks down, where the paper has another or"
-    " none. Its configuration is the default one, with nothing set for any paper.",
+    " at: its own nested marker (configs/pads), through the paper's camera where that looks down (`falanga`, `kim`), else"
+    " through its own. Its configuration is the default one, with nothing set for any paper but that lens.",
     "Success: stands on the deck at the end, motors off, whether the pad still moves or not. The other figures are "
     "medians over the landings. Jerk: root mean square from start to touchdown of the true motion, by second "
     "differences of the velocity at 20 Hz. It rewards slowness: a preset that takes three times as long has less of"
