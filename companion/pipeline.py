@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 from companion.config import Config, Marker
 from companion.control import CONTROLLERS, YAW_LAWS, ControlInput, Reference, YawInput
-from companion.control.limits import limited_length, limited_velocity, slewed
+from companion.control.limits import clipped, limited_length, limited_velocity, slewed
 from companion.detour import cylinders
 from companion.estimation import PadMotion, VehiclePose, make_tracker
 from companion.estimation.range_watch import RangeWatch
@@ -453,7 +453,7 @@ class Pipeline:
             )
         )
         limit = math.radians(control.max_yaw_rate_deg_s)
-        return max(-limit, min(limit, control.yaw_gain_hz * error))
+        return clipped(control.yaw_gain_hz * error, limit)
 
     def _view(self, facts: Facts, phase: Phase) -> MissionView:
         pad = facts.pad

@@ -11,6 +11,7 @@ Used by velocity.py.
 
 from __future__ import annotations
 
+from companion.control.limits import clipped
 from companion.geometry import ZERO, rotate
 from companion.messages import Quaternion, Vec3
 
@@ -57,7 +58,7 @@ class SteadyDemand:
         limit = self._limit_m_s2
         x = fax - (vx - fvx) / self._time_s
         y = fay - (vy - fvy) / self._time_s
-        self._demand_m_s2 = (max(-limit, min(limit, x)), max(-limit, min(limit, y)), 0.0)
+        self._demand_m_s2 = (clipped(x, limit), clipped(y, limit), 0.0)
         self._trust += share * (1.0 - self._trust)
 
 

@@ -18,6 +18,7 @@ import msgspec
 
 from companion.config import Control
 from companion.control.law import ControlInput, ControlOutput
+from companion.control.limits import clipped
 from companion.control.velocity import VelocityLaw
 from companion.messages import Vec3
 
@@ -73,7 +74,7 @@ class MatchedDisturbance:
         self._sigma_m_s = -kept / (1.0 - kept) * error
         share = 1.0 - math.exp(-self._bandwidth_rad_s * dt_s)
         filtered = self.compensated_m_s + share * (self._sigma_m_s - self.compensated_m_s)
-        self.compensated_m_s = max(-self._limit_m_s, min(self._limit_m_s, filtered))
+        self.compensated_m_s = clipped(filtered, self._limit_m_s)
 
     def predict(self, sent_m_s: float, acceleration_m_s2: float, velocity_m_s: float, dt_s: float) -> None:
         """One step of the model. It starts where the vehicle is."""
