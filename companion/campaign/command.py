@@ -45,8 +45,8 @@ def run_campaign(
         _fly(todo, results, workers=workers or default_workers(), scheduler=scheduler, console=console)
     finally:
         results.close()
-        report = write_report(campaign, path, folder, results.rows)
         by_cell = statistics_of(campaign, results.rows)
+        report = write_report(campaign, path, folder, results.rows, by_cell)
         console.print(table(campaign.name, by_cell))
         console.print(f"report: {report}")
     return {
@@ -66,10 +66,12 @@ def check_cells(campaign: Campaign, path: Path) -> None:
             raise ConfigError(f"{path}: {sample.cell}: {error}") from error
 
 
-def write_report(campaign: Campaign, path: Path, folder: Path, rows: Mapping[int, Row]) -> Path:
+def write_report(
+    campaign: Campaign, path: Path, folder: Path, rows: Mapping[int, Row], by_cell: Sequence[CellStatistics]
+) -> Path:
     """report.html of all rows so far, with links to the run folders of flights that were flown again."""
     report = folder / "report.html"
-    page = campaign_report(campaign, path, rows, statistics_of(campaign, rows), kept_runs(folder))
+    page = campaign_report(campaign, path, rows, by_cell, kept_runs(folder))
     report.write_text(page, encoding="utf-8")
     return report
 
@@ -173,7 +175,7 @@ def rerun(path: Path, index: int, console: Console, *, out: Path | None, runs: P
     if index in rows:
         console.print(compared(rows[index], row))
     if rows and runs is None:
-        write_report(campaign, path, results, rows)
+        write_report(campaign, path, results, rows, statistics_of(campaign, rows))
     return figures
 
 
